@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.refusals import refused
 from typer.testing import Result
 
 RUN = ("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here", "--seeds", "1", "--agents")
@@ -26,12 +27,6 @@ def cells(say: Callable[..., Result], toy: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(agents.Still, "restore", restore, raising=False)
     assert say(*RUN, "toy-agent,toy-agent[action=2]").exit_code == 0
     return say
-
-
-def refused(done: Result) -> str:
-    assert (done.exit_code, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    return str(line)
 
 
 def test_a_counterexample_with_its_files(cells: Callable[..., Result]) -> None:
@@ -79,13 +74,6 @@ def test_an_interruption_shows_what_was_found_so_far(cells: Callable[..., Result
     assert done.exit_code == 130
     assert done.stdout.startswith(f"{UP}: counterexample")
     assert done.stderr.endswith("interrupted: 1 of 2 were searched\n")
-
-
-def test_json(cells: Callable[..., Result]) -> None:
-    first, second = json.loads(cells("falsify", STILL, UP, "--evaluations", 200, "--json").stdout)
-    assert (first["counterexample"], first["first"], first["files"]) == (False, None, [])
-    assert (second["searched"], second["counterexample"], second["predicate"]) == (UP, True, "x <= 1")
-    assert second["step"] == 4
 
 
 def test_a_controller_by_hand(say: Callable[..., Result], down: list[int]) -> None:

@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from helpers.refusals import refused
 
 PROJECT = """
 [project]
@@ -135,10 +136,7 @@ def test_a_base_that_runs_code_of_the_change_is_refused(repository, say, monkeyp
     ],
 )
 def test_bad_input_is_one_line(repository, say, words, message):
-    done = say("gate", "reference", "--budget", "quick", *words)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
+    assert message in refused(say("gate", "reference", "--budget", "quick", *words))
 
 
 def test_outside_a_repository(toy, say):

@@ -99,7 +99,6 @@ def test_a_syntax_error_shows_its_place(say, trace):
     ],
 )
 def test_bad_input_exits_2_with_a_clear_line(say, trace, words, message):
-    Path("empty.txt").write_text("# nothing\n\n")
     Path("wrong.txt").write_text("x > 0\n\nx @ 1\n")
     done = say("monitor", *words)
     assert (done.exit_code, done.stdout) == (2, "")

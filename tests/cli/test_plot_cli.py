@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from helpers.refusals import refused
 from PIL import Image
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods")
@@ -17,12 +18,6 @@ CELL = "toy-line/toy-raw/toy-agent/0"
 def run(say, toy):
     """Say `run` with these methods."""
     return lambda methods: say(*RUN, methods)
-
-
-def refused(done):
-    assert (done.exit_code, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    return line
 
 
 def test_plot_prints_the_files_it_wrote(run, say):
@@ -58,13 +53,6 @@ def test_plot_draws_what_is_asked_for_beside_the_report(run, say, drawn):
     assert len(done.stdout.splitlines()) == 9
     assert "results/figures/time-toy-line-toy-raw[weight=2]-toy-agent-quick.svg" in done.stdout
     assert "toy-raw-toy-agent" not in done.stdout
-
-
-def test_a_method_that_cannot_be_scored_leaves_no_figure(run, say):
-    run("toy-wrong")
-    done = say("plot", "results", "--out", "pictures")
-    assert (done.exit_code, done.stdout) == (0, "")
-    assert not Path("pictures").exists()
 
 
 @pytest.mark.parametrize(
@@ -116,14 +104,6 @@ def test_a_cell_whose_traces_are_gone(run, say):
     assert [line.partition(" has no traces")[0] for line in done.stderr.splitlines()[:2]] == [
         f"warning: toy-line/toy-raw/toy-agent/{seed}" for seed in (0, 1)
     ]
-
-
-def test_mp4_without_ffmpeg(run, say, monkeypatch):
-    run("toy-raw")
-    monkeypatch.setenv("PATH", "")
-    line = refused(say("render", "results", CELL, "--format", "mp4"))
-    assert line == "error: mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without"
-    assert not Path("results/films").exists()
 
 
 def test_two_budgets_of_one_cell_are_told_apart(run, say, toy):

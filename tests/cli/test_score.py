@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.refusals import refused
 from onnx import TensorProto, helper
 from PIL import Image
 
@@ -60,12 +61,6 @@ def begun():
 def robustness(name):
     measured = Results.load("results").cell(name).measurement
     return measured.selected["formula"].robustness
-
-
-def refused(done):
-    assert (done.exit_code, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    return line
 
 
 class TestOutside:
@@ -203,7 +198,6 @@ class TestOutside:
         Path("short.csv").write_text("x\n0\n1\n")
         Path("other.csv").write_text("y\n0\n1\n0\n1\n0\n")
         Path("junk.npz").write_text("what is no archive at all")
-        Path("slow.csv").write_text("time,x\n0,0\n1,1\n2,0\n3,0\n4,1\n")
         assert message in refused(say("score", "toy-line", *words))
         assert not Path("results").exists()
 

@@ -91,12 +91,3 @@ def test_a_single_checkpoint_is_a_point():
     left, _ = learning_curves(groups, Scale("m", math.inf), colours_of(groups)).axes
     (line,) = lines(left).values()
     assert line.get_marker() == "o"
-
-
-def test_axes_say_what_they_show_in_which_unit():
-    left, right = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
-    assert left.get_xlabel() == right.get_xlabel() == "environment steps"
-    assert left.get_ylabel() == "starts that satisfy [%]"
-    assert right.get_ylabel() == "mean robustness [m]"
-    _, right = learning_curves(GROUPS, Scale("- or half widths or half heights", math.inf), colours_of(GROUPS)).axes
-    assert max(map(len, right.get_ylabel().splitlines())) <= 30
