@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -93,6 +93,21 @@ def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
     if result.measurement is not None:
         yield ""
         yield from scores_and_cost(result.measurement, outside=result.id.track == OUTSIDE)
+
+
+@app.command("schema")
+def schema(
+    kind: Annotated[Literal["task", "study"], typer.Argument(metavar="KIND", help="task or study.")],
+) -> None:
+    """Show the JSON schema of a task file or a study file, by which editors complete and check it.
+
+    \b
+    Example:
+      stlbench show schema task > task.schema.json
+    """
+    from stlbench.study.schema import json_schema
+
+    typer.echo(json.dumps(json_schema(kind), indent=2, ensure_ascii=False))
 
 
 @app.command("method")

@@ -38,7 +38,7 @@ def _seed_range(item: str, text: str) -> tuple[int, int]:
     return int(ends[1]), int(ends[2] or ends[1])
 
 
-def _choices(
+def read_choices(
     value: Any,
     parse: Callable[[str], tuple[Choice, ...]] = parse_choices,
     choice: Callable[[Choice | str], Choice] = choice_of,
@@ -55,26 +55,26 @@ def _choices(
     raise ValueError(f"a name or a list of names is expected, got {value!r:.80}")
 
 
-def _tasks(value: Any) -> Any:
-    """As `_choices`; a task may be a folder's path."""
+def read_tasks(value: Any) -> Any:
+    """As `read_choices`; a task may be a folder's path."""
     from stlbench.registry import folders  # it imports NumPy, which the help of the command line need not wait for
 
-    return _choices(value, folders.parse_tasks, folders.task_of)
+    return read_choices(value, folders.parse_tasks, folders.task_of)
 
 
-def _executor(value: Any) -> Any:
+def read_executor(value: Any) -> Any:
     """One name, whose parameters may be addresses and paths."""
     if not isinstance(value, str | Choice):
         raise ValueError(f"a name is expected, got {value!r:.80}")
     return executor_of(value)
 
 
-def _logs(value: Any) -> Any:
-    """As `_choices`; parameters may be paths, as an executor's may."""
-    return _choices(value, lambda text: tuple(map(executor_of, split(text))), executor_of)
+def read_logs(value: Any) -> Any:
+    """As `read_choices`; parameters may be paths, as an executor's may."""
+    return read_choices(value, lambda text: tuple(map(executor_of, split(text))), executor_of)
 
 
-def _seeds(value: Any) -> Any:
+def read_seeds(value: Any) -> Any:
     """A count or a text as on the command line, or the seeds themselves."""
     if value is None:
         return None
@@ -107,17 +107,17 @@ class Study(BaseModel):
     # Built when first used: to build it, pydantic reads the metadata of all distributions, and one may be broken.
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    tasks: Annotated[_Some, BeforeValidator(_tasks), Option("LIST", completes="tasks")] = Field(
+    tasks: Annotated[_Some, BeforeValidator(read_tasks), Option("LIST", completes="tasks")] = Field(
         description="Tasks, a comma list of names, or of folders such as ./my-task."
     )
-    methods: Annotated[_Some, BeforeValidator(_choices), Option("LIST", completes="methods")] = Field(
+    methods: Annotated[_Some, BeforeValidator(read_choices), Option("LIST", completes="methods")] = Field(
         description="Reward methods, a comma list; parameters in brackets."
     )
     agents: Annotated[
-        _Some | None, BeforeValidator(_choices), Option("LIST", "each task's own", completes="agents")
+        _Some | None, BeforeValidator(read_choices), Option("LIST", "each task's own", completes="agents")
     ] = Field(None, description="Agents, a comma list; parameters override the task's recipe.")
-    seeds: Annotated[tuple[int, ...] | None, BeforeValidator(_seeds), Option("SEEDS", "as the budget says")] = Field(
-        None, description="A number N means seeds 0..N-1; '0-4' or '3,7' names them."
+    seeds: Annotated[tuple[int, ...] | None, BeforeValidator(read_seeds), Option("SEEDS", "as the budget says")] = (
+        Field(None, description="A number N means seeds 0..N-1; '0-4' or '3,7' names them.")
     )
     budget: Annotated[str, Option("NAME")] = Field(
         "quick", description="How much training; `stlbench show task NAME` lists budgets."
@@ -139,10 +139,10 @@ class Study(BaseModel):
         None, description="The most memory that a cell may take, as in 4G."
     )
     results: Annotated[Path, Option("DIR")] = Field(Path("results"), description="Folder of ledger, traces, tables.")
-    executor: Annotated[Choice, BeforeValidator(_executor), Option("NAME")] = Field(
+    executor: Annotated[Choice, BeforeValidator(read_executor), Option("NAME")] = Field(
         Choice("local"), description="Where cells run."
     )
-    log: Annotated[tuple[Choice, ...], BeforeValidator(_logs), Option("LIST", "none", completes="logs")] = Field(
+    log: Annotated[tuple[Choice, ...], BeforeValidator(read_logs), Option("LIST", "none", completes="logs")] = Field(
         (), description="Send the run to these logs, a comma list: tensorboard, wandb."
     )
     retry: Annotated[tuple[Status, ...], BeforeValidator(accidents_of), Option("LIST")] = Field(

@@ -84,7 +84,7 @@ PointFormula = Annotated[stl.Formula, Read(read_point_formula)]
 """A formula without temporal operators."""
 
 
-def _both(value: Any) -> Any:
+def read_both(value: Any) -> Any:
     """A number, where a state is fixed, as an interval."""
     if isinstance(value, int | float):
         return value, value
@@ -104,7 +104,10 @@ def _written(ends: tuple[float, float]) -> tuple[float, float] | float:
 
 
 Ends = Annotated[
-    tuple[Finite, Finite], BeforeValidator(_both), AfterValidator(_ordered), PlainSerializer(_written, return_type=Any)
+    tuple[Finite, Finite],
+    BeforeValidator(read_both),
+    AfterValidator(_ordered),
+    PlainSerializer(_written, return_type=Any),
 ]
 
 
