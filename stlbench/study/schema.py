@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from stlbench.records.status import accidents_of
 from stlbench.registry.docstrings import field_docs
 from stlbench.study import study
 from stlbench.task.entry import Entry, read_both
@@ -27,7 +28,7 @@ _READ: Mapping[Callable[..., Any], JsonSchemaValue] = {
     study.read_executor: _TEXT,
     study.read_logs: _NAMES,
     study.read_seeds: {"anyOf": [_WHOLE, _TEXT, {"type": "array", "items": _WHOLE}]},
-    study.accidents_of: _NAMES,
+    accidents_of: _NAMES,
 }
 """What a file has where a function of ours reads it."""
 
