@@ -9,23 +9,21 @@ import typer
 
 from stlbench import __version__
 from stlbench.cli.advise import advise
-from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
+from stlbench.cli.develop import check, new
 from stlbench.cli.draw import plot, render
-from stlbench.cli.export import export, export_policy
 from stlbench.cli.gate import compare, gate
 from stlbench.cli.monitor import monitor
-from stlbench.cli.new import new
 from stlbench.cli.report import report
 from stlbench.cli.results import app as results
 from stlbench.cli.run import plan, run
 from stlbench.cli.score import score
 from stlbench.cli.search import certify, falsify
+from stlbench.cli.share import bundle, export, export_policy, verify
 from stlbench.cli.show import app as show
 from stlbench.cli.show import list_plugins
 from stlbench.cli.solve import solve
 from stlbench.cli.tune import tune
-from stlbench.cli.verify import bundle, verify
 from stlbench.cli.watch import watch
 from stlbench.errors import foreign
 

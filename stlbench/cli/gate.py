@@ -124,8 +124,7 @@ def gate(
 
 def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, Judgement]:
     from stlbench.gate.cost import judge_turns
-    from stlbench.gate.measure import take_turns
-    from stlbench.gate.revision import both_trees
+    from stlbench.gate.measure import both_trees, take_turns
 
     try:
         with both_trees(revision) as (base, change):
