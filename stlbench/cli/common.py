@@ -63,7 +63,10 @@ class Commands(TyperGroup):
                 typer.echo(err=True)  # ends the line of a question that nobody answered
                 code = refuse("the question was not answered with yes; nothing was changed", 1)
             except typer.TyperException as error:
-                code = refuse(_translated(error.format_message()) + _where_to_look(error))
+                begin, colon, rule = error.format_message().partition(": ")  # "Invalid value for '--seed': ..."
+                context = getattr(error, "ctx", None)
+                where = "" if context is None else f" (see '{context.command_path} --help')"
+                code = refuse(f"{begin}{colon}{in_words(rule)}{where}")
             except Exception as error:
                 if (problem := _damaged(error)) is None:
                     raise
@@ -131,17 +134,6 @@ def refuse(message: str, code: int = 2) -> int:
     return code
 
 
-def _translated(message: str) -> str:
-    """ "Invalid value for '--seed': ..." with the rule in our words."""
-    begin, colon, rule = message.partition(": ")
-    return f"{begin}{colon}{in_words(rule)}"
-
-
-def _where_to_look(error: typer.TyperException) -> str:
-    context = getattr(error, "ctx", None)
-    return "" if context is None else f" (see '{context.command_path} --help')"
-
-
 def _show_warning(
     message: Warning | str,
     category: type[Warning],
@@ -164,22 +156,16 @@ def _alone(context: typer.Context, wanted: bool) -> bool:
     """Keep stdout for `print_json`; output of plugins and of their programs goes to stderr."""
     if wanted:
         sys.stdout.flush()
-        if _descriptor(sys.stdout) == 1:
-            _APART.callback(_move_back, os.dup(1))
-            os.dup2(2, 1)
+        with suppress(OSError):  # a test's stream has no descriptor
+            if sys.stdout.fileno() == 1:
+                _APART.callback(_move_back, os.dup(1))
+                os.dup2(2, 1)
         _APART.enter_context(redirect_stdout(sys.stderr))
         context.call_on_close(_APART.close)
     return wanted
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.", callback=_alone)]
-
-
-def _descriptor(stream: TextIO) -> int | None:
-    try:
-        return stream.fileno()
-    except OSError:  # a test's
-        return None
 
 
 def _move_back(kept: int) -> None:

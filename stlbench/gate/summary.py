@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -143,21 +142,17 @@ def _settings(judgement: Judgement) -> Table:
     names = [metric.name for metric in METRICS]
     titles = ("task", "method", "agent", "budget", "track", "pairs", *names)
     columns = tuple(Column(title, right=place > 3) for place, title in enumerate(titles))
-    rows = tuple(
-        (*map(str, vars(setting).values()), *_setting_cells([compared.get((setting, name)) for name in names]))
-        for setting in sorted({setting for setting, _ in compared})
-    )
+    rows = list[tuple[Value, ...]]()
+    for setting in sorted({setting for setting, _ in compared}):
+        own = [compared.get((setting, name)) for name in names]
+        pairs = max(each.pairs for each in own if each)
+        rows.append((*map(str, vars(setting).values()), pairs, *(_change(each) if each else None for each in own)))
     remarks = (
         "Robustness and satisfaction: mean over the paired seeds of base and new, and the change.",
         "CPU: seconds of training, new over base; reward: its time per step. A cost in brackets is not judged.",
         "What is tolerated, and how it is tested: docs/howto/share.md.",
     )
-    return Table("All settings", columns, rows, remarks)
-
-
-def _setting_cells(comparisons: Sequence[Comparison | None]) -> list[Value]:
-    pairs = max((comparison.pairs for comparison in comparisons if comparison), default=0)
-    return [pairs, *(None if comparison is None else _change(comparison) for comparison in comparisons)]
+    return Table("All settings", columns, tuple(rows), remarks)
 
 
 def _change(comparison: Comparison) -> str:

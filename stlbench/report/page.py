@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import groupby
@@ -22,7 +22,7 @@ from stlbench.report.figures.files import drawings_across, drawings_of_alignment
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.report import Report
-from stlbench.report.tables.cells import ENDED_EARLY, if_done, scores_and_cost
+from stlbench.report.tables.cells import ENDED_EARLY, if_done, percent, scores_and_cost
 from stlbench.report.tables.rows import Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value, show
 from stlbench.rollout.questions import Ask
@@ -209,28 +209,20 @@ def _facts(task: Task) -> Facts:
 
 def _trimmed(table: Table, *, folded: bool = False) -> Table:
     """Without empty columns. If `folded`, what all rows share goes into the title, as on a screen."""
-    shown = [
-        i for i in range(len(table.columns)) if not table.rows or any(row[i] not in (None, "") for row in table.rows)
-    ]
+    empty = [all(value in (None, "") for value in values) for values in zip(*table.rows, strict=True)]
+    shown = [i for i in range(len(table.columns)) if not table.rows or not empty[i]]
     alike = [i for i in shown if folded and i in table.alike]
     return table.select((i for i in shown if i not in alike), table.title_with(alike))
 
 
 def _of_task(report: Report, choice: Choice) -> list[Table]:
     """The rows of one task. Controllers and plans have rows of the task, and none of its ablations."""
-    names: dict[str, Value] = {
-        "robustness": str(choice),
-        "comparisons": str(choice),
-        "controllers": choice.name,
-        "alignment": choice.name,
-        "time": str(choice),
-    }
     tables = list[Table]()
-    for name, task in names.items():
+    for name in ("robustness", "comparisons", "controllers", "alignment", "time"):
         table = report.tables[name]
-        rows = tuple(row for row in table.rows if row[0] == task)
-        if rows:
-            tables.append(_trimmed(Table(table.title, table.columns, rows, table.notes), folded=True))
+        task = choice.name if name in ("controllers", "alignment") else str(choice)
+        if rows := tuple(row for row in table.rows if row[0] == task):
+            tables.append(_trimmed(replace(table, rows=rows), folded=True))
     return tables
 
 
@@ -245,13 +237,11 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     )
     early = any(row.numbers and row.numbers.ended_early for row in rows)
     numbers: dict[Column, Callable[[Numbers], Value]] = {
-        Column("mean robustness", digits=3): lambda numbers: numbers.robustness_mean,
-        Column("worst start", digits=3): lambda numbers: numbers.robustness_min,
-        Column("satisfied", unit="%", digits=1): lambda numbers: 100 * numbers.satisfaction,
-        Column("ended early", unit="%", digits=1): (
-            lambda numbers: None if numbers.ended_early is None else 100 * numbers.ended_early
-        ),
-        Column("cell CPU", unit="s", digits=1): lambda numbers: numbers.cpu_seconds,
+        Column("mean robustness", digits=3): lambda each: each.robustness_mean,
+        Column("worst start", digits=3): lambda each: each.robustness_min,
+        Column("satisfied", unit="%", digits=1): lambda each: 100 * each.satisfaction,
+        Column("ended early", unit="%", digits=1): lambda each: percent(each.ended_early),
+        Column("cell CPU", unit="s", digits=1): lambda each: each.cpu_seconds,
     }
     columns: dict[Column, Callable[[Row], Value]] = {
         Column("cell", right=False): lambda row: row.id.name,
@@ -270,15 +260,14 @@ def _cell_part(row: Row, result: Result | None, folder: Path) -> Part:
         return {"name": row.id.name, "facts": list(facts.items()), "tables": [], "texts": [], "provenance": []}
     files, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
     written = "\n".join(end_of_log(files.log, _LOG_LINES))
+    log = str(files.log.relative_to(folder)) if written else "none here: the cell wrote nothing, or it was not kept"
     facts = {
         "status": result.status,
         "reason": result.reason,
         "budget": result.id.budget,
         "track": result.id.track,
         "policy": _policy(result, files.policies, folder),
-        "log": str(files.log.relative_to(folder))
-        if written
-        else "none here: the cell wrote nothing, or it was not kept",
+        "log": log,
     }
     texts = {"Traceback": result.details, "End of its log": written}
     return {

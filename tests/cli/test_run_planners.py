@@ -128,19 +128,6 @@ def test_what_does_not_fit_is_a_row_with_the_reason(run, words, reason):
     assert f"{task}/{method}/{agent}/0 unsuitable: {reason}" in " ".join(done.stderr.split())
 
 
-@pytest.mark.parametrize(
-    ("method", "agent", "reason"),
-    [
-        ("raw", "planner[resolution=4]", "a grid of 241 x 241 x 145 points with 25 actions of 1 samples needs "),
-    ],
-)
-def test_what_does_not_fit_on_a_task_of_the_package(run, method, agent, reason):
-    done = run("--tasks", "hold-disc", "--methods", method, "--agents", agent, "--budget", "smoke")
-    assert done.exit_code == 2
-    (row,) = cells()
-    assert (row["status"], row["reason"][: len(reason)]) == ("unsuitable", reason)
-
-
 def test_a_reward_that_is_no_number_fails_its_cell_with_a_line(run):
     done = run("--tasks", "toy-line", "--methods", "toy-nothing", "--agents", "planner")
     (row,) = cells()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -71,7 +71,8 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
             for drawing in drawings_of_learning(curves, job.colours, scale):
                 paths += drawing.write(job.out)
         task = _task(choice, job) if any(member.setting in finished for member in of_task) else None
-        bands = _bands(task, of_task, job)
+        asked = task is not None and {"time", "rewarded"} & {*job.only}
+        bands = bands_of(choice, (each.setting.method for each in of_task), job.ask) if asked else {}
         for member in of_task:
             count += 1
             setting = member.setting
@@ -116,13 +117,6 @@ def _traces(task: Task, results: Sequence[Result], job: Job) -> Recording | None
         except UsageError as error:
             job.warn(str(error))
     return gather(recordings) if recordings else None
-
-
-def _bands(task: Task | None, groups: Sequence[Group], job: Job) -> Mapping[Choice, Sequence[Band]]:
-    """The bounds of each method; methods are asked only if bounds are drawn."""
-    if task is None or not {"time", "rewarded"} & {*job.only}:
-        return {}
-    return bands_of(task.choice, (each.setting.method for each in groups), job.ask)
 
 
 def _draw_group(task: Task, setting: Setting, recording: Recording, bands: Sequence[Band], job: Job) -> list[Path]:

@@ -53,6 +53,10 @@ def if_done(value: Callable[[Numbers], Value]) -> Callable[[Row], Value]:
     return lambda row: None if row.numbers is None else value(row.numbers)
 
 
+def percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
 def _of_starts(share: float, numbers: Numbers) -> Interval | None:
     """The exact interval of a share of the starts, for this one policy."""
     return share_interval(round(share * numbers.starts), numbers.starts) if numbers.starts else None
@@ -80,6 +84,9 @@ ENDED_EARLY = (
 def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
     """One row for each protocol and policy, from name -> protocol -> score. A single policy may have an empty name."""
     early = any(score.ended_early for scores in policies.values() for score in scores.values())
+    ended: dict[Column, Callable[[Score], Value]] = {
+        Column("ended early", unit="%", digits=1): lambda score: percent(score.ended_early)
+    }
     rows = [(protocol, name) for protocol in next(iter(policies.values())) for name in policies]
 
     def of_score(value: Callable[[Score], Value]) -> Callable[[tuple[str, str]], Value]:
@@ -91,15 +98,7 @@ def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
         Column("mean robustness", "mean", digits=3): of_score(lambda score: score.mean),
         Column("worst start", digits=3): of_score(lambda score: score.minimum),
         Column("satisfied", unit="%", digits=1): of_score(lambda score: 100 * score.satisfaction),
-        **(
-            {
-                Column("ended early", unit="%", digits=1): of_score(
-                    lambda score: None if score.ended_early is None else 100 * score.ended_early
-                )
-            }
-            if early
-            else {}
-        ),
+        **{column: of_score(value) for column, value in ended.items() if early},
         Column("starts", digits=0): of_score(lambda score: score.starts),
         Column("failed first", right=False): of_score(
             lambda score: "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None
@@ -133,13 +132,9 @@ def time_table(groups: Sequence[Group]) -> Table:
     columns: dict[Column, Callable[[Group], Value]] = {
         **SETTING,
         Column("training wall", "train wall", unit="s", digits=1): lambda group: group.mean("training_wall_seconds"),
-        Column("wall 95 % interval", unit="s", digits=1, kind=Interval, drop=2): (
-            lambda group: _seconds_interval(group.values("training_wall_seconds"))
-        ),
+        Column("wall 95 % interval", unit="s", digits=1, kind=Interval, drop=2): _interval_of("training_wall_seconds"),
         Column("training CPU", "train CPU", unit="s", digits=1): lambda group: group.mean("training_cpu_seconds"),
-        Column("CPU 95 % interval", unit="s", digits=1, kind=Interval, drop=2): (
-            lambda group: _seconds_interval(group.values("training_cpu_seconds"))
-        ),
+        Column("CPU 95 % interval", unit="s", digits=1, kind=Interval, drop=2): _interval_of("training_cpu_seconds"),
         Column("cell CPU", unit="s", digits=1, drop=5): lambda group: group.mean("cpu_seconds"),
         Column("env steps", digits=0): lambda group: group.mean("env_steps"),
         Column("reward", unit="ns/step", digits=1): lambda group: group.mean("reward_nanoseconds"),
@@ -154,10 +149,14 @@ def time_table(groups: Sequence[Group]) -> Table:
     return Table.of("Time", groups, columns, notes)
 
 
-def _seconds_interval(values: Sequence[float]) -> Interval | None:
+def _interval_of(name: str) -> Callable[[Group], Value]:
     """Of the mean, cut at 0: the interval of two seeds is wide."""
-    interval = mean_interval(values)
-    return None if interval is None else Interval(max(interval.low, 0.0), interval.high)
+
+    def interval(group: Group) -> Interval | None:
+        ends = mean_interval(group.values(name))
+        return None if ends is None else Interval(max(ends.low, 0.0), ends.high)
+
+    return interval
 
 
 def _jobs(group: Group) -> str | None:

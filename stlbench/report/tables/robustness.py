@@ -8,7 +8,7 @@ from functools import partial
 from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import FEWEST, Interval, mean, median, median_interval, share_interval
-from stlbench.report.tables.cells import ENDED_EARLY
+from stlbench.report.tables.cells import ENDED_EARLY, percent
 from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import SETTING, Group, shared_columns
@@ -132,8 +132,7 @@ def _median(group: Group, name: str) -> float | None:
 
 
 def _percent(shares: Sequence[float | None]) -> float | None:
-    known = mean([share for share in shares if share is not None])
-    return None if known is None else 100 * known
+    return percent(mean([share for share in shares if share is not None]))
 
 
 def _count(group: Group, name: str) -> int | None:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
-from PIL import Image
 
 from stlbench.errors import UsageError
 from stlbench.report.figures.files import Drawing, file_name, save
-from stlbench.report.figures.style import rc
 from stlbench.report.tables.alignment import Aligned
 
 
@@ -75,23 +70,3 @@ def test_a_figure_is_drawn_again_if_a_file_is_gone_or_another(tmp_path, end):
     if end != "pdf":  # which has no digest
         path.write_bytes(path.read_bytes()[:40])
         assert written(tmp_path, drawing())
-
-
-@pytest.mark.slow
-def test_a_colour_of_few_pixels_is_kept_among_thousands_of_shades(tmp_path):
-    """Fewer colours must not make one of a legend's vermilion and its orange, as pale as regions are."""
-    figure = Figure(figsize=(9, 6))
-    axes = figure.subplots()
-    axes.plot(np.random.default_rng(0).normal(size=(130, 16)).cumsum(axis=0), color="#0072B2", linewidth=0.8, alpha=0.7)
-    for i, colour in enumerate(("#D55E00", "#009E73", "#CC79A7", "#E69F00")):
-        corner = (0.02 + 0.04 * i, 0.02)
-        for alpha in (0.18, 0.35):
-            box = Rectangle(corner, 0.02, 0.02, transform=figure.transFigure, facecolor=colour, alpha=alpha)
-            figure.add_artist(box)
-    with mpl.rc_context(rc()):
-        figure.savefig(tmp_path / "true.png", dpi=200)
-    png, *_ = save(figure, tmp_path, "name")
-    true, few = (np.asarray(Image.open(path).convert("RGB")).astype(int) for path in (tmp_path / "true.png", png))
-    assert len(np.unique(true.reshape(-1, 3), axis=0)) > 1000
-    assert len(np.unique(few.reshape(-1, 3), axis=0)) <= 256
-    assert np.abs(true - few).max() <= 16

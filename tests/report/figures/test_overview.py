@@ -8,8 +8,7 @@ from helpers.synthetic_results import result
 
 from stlbench.report import condense
 from stlbench.report.figures.methods import overview
-from stlbench.report.figures.style import DOUBLE, colours_of
-from stlbench.task import load_task
+from stlbench.report.figures.style import colours_of
 
 PLANE = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xy"}
 GROUPS = condense(
@@ -49,12 +48,3 @@ def test_clipped_traces_are_said_in_their_panel_and_in_the_legend():
     assert "leaving" not in flag.get_title()
     assert funnel.get_title().endswith("\nleaving the picture: 1 of 1 traces")
     assert "leaves the picture here: 1 of 2 traces" in [text.get_text() for text in figure.legends[0].get_texts()]
-
-
-def test_an_overview_is_as_wide_as_a_page_of_a_paper():
-    task = load_task("hold-disc")
-    traces = np.full((16, task.file.steps + 1, 2), 2.0)
-    groups = condense(result(method) for method in ("flag", "funnel", "raw"))
-    width, height = overview(task, groups, [traces] * 3, colours_of(groups)).get_size_inches()
-    assert width == DOUBLE
-    assert height < 0.8 * width

@@ -141,11 +141,6 @@ class TestLeaving:
         assert "leaves the picture here: 1 of 2 traces" in [text.get_text() for text in figure.legends[0].get_texts()]
         assert figure.axes[0].get_xlim()[1] == 10
 
-    def test_nothing_is_said_where_all_is_seen(self):
-        figure = self.figure([[0, 1, 9, 10, 10, 9, 1, 0, 0], [0] * 9])
-        assert [entry.get_marker() for entry in figure.axes[0].lines] == ["o", "s"]
-        assert not [text for text in figure.legends[0].get_texts() if "leaves" in text.get_text()]
-
 
 def test_signals_against_time_are_never_clipped():
     task = line()
