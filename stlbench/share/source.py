@@ -8,7 +8,7 @@ import importlib.util
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -76,27 +76,20 @@ def find_source(text: str, architecture: str | None = None, table: str | None = 
 
     Raises `UsageError` if it names none, or the policy has no use for an architecture or a table.
     """
-    source = _source_of(text)
-    if architecture is not None and source.kind != "torch":
+    kind: Kind | None = _ENDINGS.get(Path(text).suffix.lower())
+    if kind is not None and not Path(text).is_file():
+        raise UsageError(f"there is no file {text}")
+    if kind is None:
+        kind = "function" if _FUNCTION.fullmatch(text) else "cell" if _CELL.fullmatch(text) else None
+    if kind is None:
+        files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv or .npz (traces)"
+        kinds = f"a cell's name task/method/agent/seed, module:function, or {files}"
+        raise UsageError(f"'{text}' names no policy; one is {kinds}")
+    if architecture is not None and kind != "torch":
         raise UsageError(f"{text}: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it out")
-    if table is not None and source.kind in ("cell", "traces"):
+    if table is not None and kind in ("cell", "traces"):
         raise UsageError(f"{text}: --actions is for a policy from outside that acts; leave it out")
-    return replace(source, architecture=architecture, table=table)
-
-
-def _source_of(text: str) -> Source:
-    kind = _ENDINGS.get(Path(text).suffix.lower())
-    if kind is not None:
-        if not Path(text).is_file():
-            raise UsageError(f"there is no file {text}")
-        return Source(kind, text)
-    if _FUNCTION.fullmatch(text):
-        return Source("function", text)
-    if _CELL.fullmatch(text):
-        return Source("cell", text)
-    files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv or .npz (traces)"
-    kinds = f"a cell's name task/method/agent/seed, module:function, or {files}"
-    raise UsageError(f"'{text}' names no policy; one is {kinds}")
+    return Source(kind, text, architecture, table)
 
 
 def load_function(text: str) -> Callable[..., Any]:

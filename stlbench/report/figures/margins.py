@@ -118,14 +118,12 @@ def bands_of(task: Choice, methods: Iterable[Choice], ask: Ask) -> Mapping[Choic
 
     A `PluginWarning` says why a method did not answer.
     """
-    questions = {method: _question(task, method) for method in methods}
+    questions = dict[Choice, Question[tuple[Band, ...]]]()
+    for method in methods:
+        plugins, why = (("tasks", task.name), ("methods", method.name)), "cannot be asked for its bounds"
+        questions[method] = Question(_bands, (task, method), plugins, f"task {task}: method {method} {why}")
     bounds = answers(list(questions.values()), ask)
     return {method: bounds.get(question, ()) for method, question in questions.items()}
-
-
-def _question(task: Choice, method: Choice) -> Question[tuple[Band, ...]]:
-    plugins = ("tasks", task.name), ("methods", method.name)
-    return Question(_bands, (task, method), plugins, f"task {task}: method {method} cannot be asked for its bounds")
 
 
 def _bands(task: Choice, method: Choice) -> tuple[Band, ...]:
