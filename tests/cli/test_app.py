@@ -1,4 +1,4 @@
-"""The command line as a whole: help, version, errors, and how fast it starts."""
+"""The command line as a whole: help, version, errors, completion, and how fast it starts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 import pytest
 from helpers.imports import HEAVY, imported
 from typer.main import get_command
+from typer.testing import CliRunner
 
 from stlbench import __version__
 from stlbench.cli import app
@@ -92,3 +93,25 @@ def test_a_name_that_no_file_can_have_is_refused_in_one_line(say, words):
     assert "Errno" not in done.stderr
     assert "File name too long" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("stlbench run --tasks toy", ["toy-line"]),
+        ("stlbench run --methods raw,toy-r", ["raw,toy-raw"]),
+        ("stlbench run --agents dqn,toy", ["dqn,toy-agent"]),
+        ("stlbench show task toy", ["toy-line"]),
+    ],
+)
+@pytest.mark.usefixtures("toy")
+def test_names(typed: str, offered: list[str]) -> None:
+    words = {"COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
+    ran = CliRunner().invoke(app, [], env={"_STLBENCH_COMPLETE": "complete_bash", **words}, prog_name="stlbench")
+    assert ran.stdout.split() == offered
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_for_a_shell(shell: str) -> None:
+    ran = CliRunner().invoke(app, [], env={"_STLBENCH_COMPLETE": f"source_{shell}"}, prog_name="stlbench")
+    assert f"_STLBENCH_COMPLETE=complete_{shell}" in ran.stdout

@@ -1,17 +1,40 @@
-"""One style for all figures."""
+"""One style for all figures, and what tells groups and terms apart."""
 
 from __future__ import annotations
 
 import math
 
 import matplotlib as mpl
+import numpy as np
+import pytest
 from helpers.synthetic_results import result
+from matplotlib import colormaps
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from stlbench.records.result import Planned
 from stlbench.report import condense
 from stlbench.report.figures.methods import learning_curves
 from stlbench.report.figures.regions import Scale
-from stlbench.report.figures.style import DOUBLE, SINGLE, colours_of, fitting, rc, styled
+from stlbench.report.figures.style import (
+    BOUNDS,
+    COLOURS,
+    DOUBLE,
+    GROUPS_PER_FIGURE,
+    INK,
+    MARK,
+    SAFE,
+    SINGLE,
+    TIME,
+    TRACE,
+    colours_of,
+    fitting,
+    pages,
+    rc,
+    styled,
+    styles,
+    term_style,
+)
 
 
 def test_what_is_drawn_has_the_style_and_leaves_none_behind():
@@ -36,3 +59,67 @@ def test_a_figure_for_a_column_is_as_wide_as_one_and_has_text_of_a_paper():
     sizes += [text.get_fontsize() for axes in figure.axes for text in (axes.xaxis.label, *axes.get_xticklabels())]
     assert set(sizes) == {8}
     assert learning_curves(groups, Scale("m", math.inf), colours_of(groups)).get_figwidth() == DOUBLE
+
+
+def test_a_method_has_one_colour_and_its_agents_differ_in_their_lines():
+    groups = condense(result(method, agent=agent) for method in ("flag", "raw") for agent in ("dqn", "td3"))
+    colours = colours_of(groups)
+    looks = [(style.colour, style.line) for style in styles(groups, colours)]
+    flag, raw = colours["flag"], colours["raw"]
+    assert flag != raw
+    assert looks == [(flag, "-"), (flag, "--"), (raw, "-"), (raw, "--")]
+
+
+def test_planned_methods_do_not_change_the_colours_of_those_that_learned():
+    learned = [result(method) for method in ("funnel", "raw")]
+    planned = [result(method, agent="planner", planned=Planned("reward", 1.0)) for method in ("a", "raw", "verdict")]
+    every = colours_of(condense([*learned, *planned]))
+    assert every.items() >= colours_of(condense(learned)).items()
+    assert len(set(every.values())) == len(every) == 4
+
+
+def test_as_many_methods_as_there_are_have_colours_of_their_own():
+    groups = condense(result(f"method-{i:02}") for i in range(len(COLOURS)))
+    assert len(set(colours_of(groups).values())) == len(COLOURS) == 2 * GROUPS_PER_FIGURE
+
+
+def test_methods_of_one_colour_differ_in_their_lines():
+    groups = condense(result(f"method-{i:02}") for i in range(2 * len(COLOURS)))
+    assert len({(style.colour, style.line) for style in styles(groups, colours_of(groups))}) == 2 * len(COLOURS)
+
+
+def test_what_belongs_to_no_method_has_no_colour_of_a_method():
+    assert not {INK, TRACE, MARK, BOUNDS} & {*COLOURS}
+
+
+def test_twenty_terms_all_look_different():
+    assert len({term_style(i) for i in range(20)}) == 20
+
+
+def test_no_term_has_a_colour_of_the_time_along_a_trace():
+    times = colormaps[TIME](np.linspace(0, 1, 256))[:, :3]
+    for i in range(5):
+        assert np.linalg.norm(times - to_rgb(term_style(i).colour), axis=1).min() > 0.2
+
+
+# How the two kinds of red-green blindness see linear RGB (Vienot, Brettel and Mollon 1999).
+PROTAN = [[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]
+DEUTAN = [[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]]
+
+
+@pytest.mark.parametrize("seen", [PROTAN, DEUTAN], ids=["protan", "deutan"])
+def test_a_colour_blind_reader_tells_the_colours_apart(seen):
+    linear = np.array([to_rgb(colour) for colour in SAFE]) ** 2.2
+    shown = np.clip(linear @ np.transpose(seen), 0, 1) ** (1 / 2.2)
+    apart = np.linalg.norm(shown[:, None] - shown, axis=-1)[np.triu_indices(len(SAFE), 1)]
+    assert apart.min() > 0.14
+
+
+def test_pages_have_about_as_many_groups_each():
+    groups = condense(result(f"method-{i}") for i in range(5))
+    assert [(end, [str(group.setting.method)[-1] for group in page]) for end, page in pages(groups, 3)] == [
+        ("", ["0", "1"]),
+        ("_2", ["2", "3", "4"]),
+    ]
+    assert [len(page) for _, page in pages(range(14))] == [7, 7]
+    assert list(pages([])) == []

@@ -1,4 +1,4 @@
-"""What is said of two methods: the words, and the number of seeds that would decide."""
+"""What is said of two methods: the words, the number of seeds that would decide, and corrected p-values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.report.statistics.differences import MOST_SEEDS, Pair, differences, exact_test
+from stlbench.report.statistics.differences import MOST_SEEDS, Pair, differences, exact_test, holm
 
 NORMAL = (stats.norm.ppf((np.arange(10) + 0.5) / 10) * 1.04).tolist()
 """Ten seeds that look as normal as ten can."""
@@ -129,3 +129,9 @@ def test_the_number_of_seeds_is_at_least_that_of_which_a_separation_decides_in_t
             assert differences([more, *[Pair(NORMAL, NORMAL)] * others])[0].word == "better"
         else:
             assert (others, found.word) == (0, "better")
+
+
+def test_holm() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []

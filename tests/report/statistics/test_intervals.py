@@ -1,14 +1,25 @@
-"""The median and the mean with their intervals, and intervals of shares, against SciPy and values by hand."""
+"""Medians, means, shares and curves with their intervals, against SciPy and values by hand."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import integrate, stats
 
-from stlbench.report.statistics.intervals import mean_interval, median, median_interval, share_interval
+from stlbench.report.statistics.intervals import (
+    aligned,
+    log_evidence,
+    mean_curve,
+    mean_interval,
+    median,
+    median_interval,
+    share_interval,
+    share_sequence,
+)
 
 seeds = st.lists(st.floats(-10, 10), min_size=2, max_size=12)
 
@@ -69,3 +80,76 @@ def test_interval_of_a_share():
     assert stats.binom.sf(949, 1000, low) == pytest.approx(0.025)
     assert stats.binom.cdf(950, 1000, high) == pytest.approx(0.025)
     assert share_interval(0, 0) is None
+
+
+def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some():
+    curves = [((0, 0.0, 0.0), (100, 1.0, 10.0)), ((50, 0.0, 0.0), (150, 1.0, 10.0))]
+    steps, values = aligned(curves, lambda point: point[2])
+    assert list(steps) == [50, 100]
+    assert values.tolist() == [[5.0, 10.0], [0.0, 5.0]]
+
+
+def test_the_mean_has_the_t_interval_of_the_seeds() -> None:
+    curves = [((0, 0.0, first), (10, 0.0, last)) for first, last in ((1.0, 2.0), (3.0, 2.5), (5.0, 6.0))]
+    found = mean_curve(curves, lambda point: point[2])
+    assert found.mean.tolist() == [3.0, 3.5]
+    half = stats.t.ppf(0.975, 2) * 2.0 / np.sqrt(3)  # 1, 3 and 5 have a standard deviation of 2
+    assert (found.low[0], found.high[0]) == pytest.approx((3.0 - half, 3.0 + half))
+    assert (found.least, found.most) == (1.0, 6.0)
+
+
+def test_a_single_seed_has_no_interval() -> None:
+    found = mean_curve([((0, 0.0, 1.0), (10, 0.0, 2.0))], lambda point: point[2])
+    assert np.isnan(found.low).all()
+    assert np.isnan(found.high).all()
+
+
+def test_the_evidence_is_the_average_likelihood_by_the_likelihood() -> None:
+    def weighted(share: float) -> float:
+        return share**7 * (1 - share) ** 3 * float(stats.beta.pdf(share, 0.5, 0.5))
+
+    average, _ = integrate.quad(weighted, 0, 1)
+    assert math.exp(log_evidence(7, 10, 0.4)) == pytest.approx(average / (0.4**7 * 0.6**3))
+
+
+def test_by_hand_after_one_success() -> None:
+    """The average likelihood of one success is 1/2, so shares below 1/2 * (1 - level) are refuted."""
+    assert share_sequence(1, 1, 0.9) == pytest.approx((0.05, 1.0))
+    assert share_sequence(0, 1, 0.9) == pytest.approx((0.0, 0.95))
+
+
+def test_without_trials_nothing_is_known() -> None:
+    assert share_sequence(0, 0, 0.99) == (0, 1)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 50), (50, 50), (7, 50), (499, 500), (3, 5)])
+def test_the_ends_are_where_the_evidence_reaches_its_limit(successes: int, trials: int) -> None:
+    low, high = share_sequence(successes, trials, 0.95)
+    assert low <= successes / trials <= high
+    for end in (low, high):
+        if 0 < end < 1:
+            assert log_evidence(successes, trials, end) == pytest.approx(math.log(20), abs=1e-6)
+    mirrored = share_sequence(trials - successes, trials, 0.95)
+    assert (1 - mirrored.high, 1 - mirrored.low) == pytest.approx((low, high), abs=1e-9)
+
+
+def test_it_is_wider_than_the_interval_of_a_fixed_number_and_narrows() -> None:
+    exact = share_interval(90, 100, 0.95)
+    assert exact is not None
+    one, more = share_sequence(90, 100, 0.95), share_sequence(900, 1000, 0.95)
+    assert one.low < exact.low < exact.high < one.high
+    assert one.low < more.low < 0.9 < more.high < one.high
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.99])
+def test_the_share_is_covered_at_all_times_at_once(share: float) -> None:
+    """2,000 sequences of 1,000 trials, each looked at after every trial, at 90 %: at most 10 % may ever miss.
+
+    The exact interval, looked at as often, misses far more.
+    """
+    successes = (np.random.default_rng(7).random((2000, 1000)) < share).cumsum(axis=1)
+    trials = np.arange(1, 1001)
+    missed = (log_evidence(successes, trials, share) > math.log(10)).any(axis=1)
+    assert missed.mean() <= 0.10
+    below, above = stats.binom.cdf(successes, trials, share), stats.binom.sf(successes - 1, trials, share)
+    assert ((below < 0.05) | (above < 0.05)).any(axis=1).mean() > 0.25

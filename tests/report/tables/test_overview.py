@@ -1,14 +1,20 @@
-"""The overview's content, from made-up results."""
+"""The overview, how results came about, and policies from outside, from made-up results."""
 
 from __future__ import annotations
 
-import pytest
-from helpers.synthetic_results import alike, by_hand, result
+from dataclasses import replace
 
+import pytest
+from helpers.reports import summary
+from helpers.synthetic_results import alike, by_hand, plan, result
+
+from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report import condense
-from stlbench.report.tables.controllers import Known
-from stlbench.report.tables.robustness import overview
+from stlbench.report import condense, to_records
+from stlbench.report.tables.cells import circumstances
+from stlbench.report.tables.controllers import Known, best_known
+from stlbench.report.tables.robustness import overview, robustness_table
+from stlbench.report.tables.rows import maximised, split
 from stlbench.rollout.standards import Standard
 
 
@@ -90,3 +96,77 @@ def test_a_task_by_two_agents_has_two_rows_and_an_ablation_the_controller_of_its
         ("overlap", "sb3-dqn", 0.2),
         ("overlap[without=cuts]", "dqn", 0.2),
     ]
+
+
+def test_versions_machine_days_and_hours():
+    common = {"python": "3.12.1", "numpy": "2.4.6", "machine": "a laptop", "training_calibration_seconds": "0.1"}
+    provenance = [
+        common | {"jobs": "2", "time": "2026-11-20T23:00:00+00:00"},
+        common | {"jobs": "2", "time": "2026-11-21T01:00:00+00:00", "numpy": "2.5.0"},
+    ]
+    results = [
+        replace(result(seed=seed, cpu_seconds=1800.0), provenance=found) for seed, found in enumerate(provenance)
+    ]
+    results.append(replace(result(seed=2, status="timeout"), provenance=provenance[1]))
+    assert dict(circumstances(condense(results)).rows) == {
+        "machine": "a laptop",
+        "versions": "numpy 2.4.6; 2.5.0, python 3.12.1",
+        "cells at a time": "2",
+        "begun": "2026-11-20 to 2026-11-21",
+        "cells": "3, 2 of them with a result",
+        "CPU time": "1.00 hours, training and evaluation",
+    }
+
+
+def test_what_is_not_known_is_not_said():
+    found = dict(circumstances(condense([replace(result(), provenance={})])).rows)
+    assert found.keys() == {"cells", "CPU time"}
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(2.04, "2.0 seconds"), (90, "1.5 minutes"), (3600, "1.00 hours")])
+def test_short_runs_are_said_in_seconds_or_minutes(seconds, said):
+    found = dict(circumstances(condense([result(cpu_seconds=seconds)])).rows)
+    assert found["CPU time"] == f"{said}, training and evaluation"
+
+
+FACTS = {"source": "net.onnx", "sha256": 64 * "a", "begun_at": "starts of its own"}
+
+
+def outside(agent: str, **words: object) -> Result:
+    made = result("unknown", agent=agent, track="outside", **words)  # type: ignore[arg-type]
+    return replace(made, provenance=FACTS)
+
+
+TRAINED = [result("funnel", seed, robustness=(0.1 * seed, 0.2)) for seed in range(2)]
+PLANNED = [plan(agent="planner", robustness=(0.5, 0.5)), plan(agent="best-possible", maximised="formula")]
+
+
+def test_one_that_is_called_as_an_agent_that_plans_is_no_plan() -> None:
+    groups = condense([*TRAINED, *PLANNED, outside("planner", robustness=(9.0, 9.0)), outside("dqn")])
+    alone = condense([*TRAINED, *PLANNED])
+    assert maximised(groups) == maximised(alone)
+    assert split(groups) == split(alone)
+    assert best_known(groups, {}) == best_known(alone, {})
+
+
+def test_its_row_comes_behind_those_of_its_task_with_its_origin() -> None:
+    other = result("flag", task="overlap")
+    groups = condense([*TRAINED, other])
+    table = robustness_table(groups, Known(), condense([outside("net", robustness=(-0.5, 0.1))]))
+    rows = to_records(table)
+    assert [(row["task"], row["agent"], row["mark"]) for row in rows] == [
+        ("hold-disc", "dqn", None),
+        ("hold-disc", "net", "o"),
+        ("overlap", "dqn", None),
+    ]
+    assert rows[1]["mean robustness"] == -0.2
+    assert table.notes[-1] == "net on hold-disc: net.onnx (sha256 aaaaaaaaaaaa), from starts of its own."
+
+
+def test_no_other_table_of_a_report_knows_of_it() -> None:
+    tables, alone = (
+        {table.title: table for table in summary(condense(results), {})}
+        for results in ([*TRAINED, outside("net")], TRAINED)
+    )
+    assert len(tables.pop("Robustness").rows) == len(alone.pop("Robustness").rows) + 1
+    assert tables == alone
