@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from stlbench.cli.common import warn
-from stlbench.cli.options import Architecture, Budget, Method, On, OwnActions, Which, declare
+from stlbench.cli.options import Architecture, Budget, From, Method, On, OwnActions, Which, declare
 from stlbench.errors import UsageError, one_line
 
 if TYPE_CHECKING:
@@ -35,9 +35,7 @@ class Chosen:
             metavar="[CELL]...", help="task/method/agent/seed, as the run's lines name it; with --task POLICY."
         ),
     ] = None
-    results: Annotated[Path, typer.Option("--results", metavar="DIR", help="A folder that `stlbench run` wrote.")] = (
-        Path("results")
-    )
+    results: From = Path("results")
     every: Annotated[bool, typer.Option("--all", help="All cells of the folder that have a stored policy.")] = False
     controller: Annotated[
         str | None, typer.Option(metavar="LIST", help="Tasks whose controllers by hand are searched, a comma list.")

@@ -120,6 +120,7 @@ def tasks_of(text: str | None) -> tuple[Choice, ...] | None:
 
 
 Folder = Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")]
+From = Annotated[Path, typer.Option("--results", metavar="DIR", help="A folder that `stlbench run` wrote.")]
 Cell = Annotated[str, typer.Argument(metavar="CELL", help="task/method/agent/seed, as the run's lines name it.")]
 Budget = Annotated[
     str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one there")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from stlbench.cli.common import Json, show
-from stlbench.cli.options import Budget, Cell, Folder, TaskFolders, Which
+from stlbench.cli.options import Budget, Cell, Folder, From, TaskFolders, Which
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -247,9 +247,7 @@ def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> l
 def export_policy(
     cell: Cell,
     out: Annotated[Path, typer.Argument(metavar="FILE", help="What is written; its ending is .onnx.")],
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of results that has the cell.")] = Path(
-        "results"
-    ),
+    results: From = Path("results"),
     budget: Budget = None,
     which: Which = "selected",
     task_folders: TaskFolders = None,

@@ -216,14 +216,3 @@ def test_a_report_for_a_column_has_narrow_figures_and_tables(ledger, say, drawn)
     assert "% Left out: " in Path("results/robustness.tex").read_text()
     done = say("report", "results", "--width", "wide")
     assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
-
-
-def test_a_function_is_told_of_each_cell_and_true_prints_a_line_for_each(study, capsys):
-    told = []
-    results = stlbench.run_study(study, progress=lambda *what: told.append(what))
-    assert [(done, total) for done, total, _ in told] == [(1, 2), (2, 2)]
-    assert sorted(each.id for _, _, each in told) == sorted(each.id for each in results)
-    stlbench.run_study(study, seeds=2, progress=True)
-    lines = capsys.readouterr().err.splitlines()
-    assert "4 cells, 2 of them done before" in lines
-    assert [line.partition("]")[0] for line in lines if line.startswith("[")] == ["[3/4", "[4/4"]

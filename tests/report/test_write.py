@@ -48,13 +48,6 @@ def test_the_report_has_all_tables(tmp_path):
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 
-def test_without_controllers_their_files_have_no_row_and_the_report_no_table(tmp_path):
-    write(condense(RESULTS), SCORES, tmp_path)
-    write(condense(RESULTS), {}, tmp_path)
-    assert (tmp_path / "controllers.csv").read_text().count("\n") == 1
-    assert "Controllers and baselines" not in (tmp_path / "report.md").read_text()
-
-
 def test_cells_csv_has_one_row_per_cell(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path)
     with (tmp_path / "cells.csv").open(newline="") as file:

@@ -124,15 +124,6 @@ def test_bounds_on_the_rewarded_form_are_not_drawn_over_the_own_predicate_and_it
     assert BAND_ELSEWHERE not in legend(figure(OWN, rewarded=REWARDED))  # a method without bounds
 
 
-def test_a_term_that_both_forms_share_has_no_bounds_of_the_rewarded_form_either():
-    """Another term of the rewarded form may be scaled, so the method's bounds belong to that form as a whole."""
-    task = line(formula=TWO, rewarded="F[1,3] 3 * x >= 6 & G[5,7] x <= 1")
-    shared = task.specification.terms[1]
-    bands = [Band(shared, 0, np.zeros(5), np.ones(5))]
-    for axes in robustness_in_time(task, recording(ZEROS), bands, "line").axes:
-        assert drawn(axes, BOUNDS) == []
-
-
 def test_a_range_that_is_long_below_zero_is_logarithmic_there():
     wide = {"x": {"low": 9, "high": 1000, "unit": "m"}}  # margins in [-990.1, 0.9]
     (axes,) = figure("G[0,4] x <= 9.9", [[9.5] * 9], signals=wide).axes
@@ -142,14 +133,6 @@ def test_a_range_that_is_long_below_zero_is_logarithmic_there():
     assert {-100, -10, -1, 0} <= set(axes.get_yticks())
     assert axes.get_ylabel() == "robustness of psi\n[m]\nlogarithmic beyond ±1"
     assert figure().axes[0].get_yscale() == "linear"
-
-
-def test_margins_beyond_the_range_of_the_signals_are_on_the_axis_too():
-    far = [-3000.0] * 9
-    (axes,) = figure("G[0,4] x <= 9.9", [ZEROS, far], signals={"x": {"low": 9, "high": 1000, "unit": "m"}}).axes
-    low, high = axes.get_ylim()
-    assert high > 3009.9
-    assert low < -990.1
 
 
 def test_a_formula_that_is_not_made_of_terms_has_no_figure():
