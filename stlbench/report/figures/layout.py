@@ -162,7 +162,8 @@ def set_symlog(axes: Axes, threshold: float, low: float, high: float) -> str:
     low, high = min(low, -threshold) if low < 0 else 0.0, max(high, threshold) if high > 0 else 0.0
     axes.set_yscale("symlog", linthresh=threshold, subs=range(2, 10))
     numbered = (1,) if max(-low, high) > 10**1.5 * threshold else (1, 2, 5)
-    axes.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=threshold, subs=numbered))
+    ticks = SymmetricalLogLocator(base=10, linthresh=threshold, subs=numbered).tick_values(low, high)
+    axes.set_yticks([tick for tick in ticks if tick == 0 or abs(tick) > 0.99 * threshold])  # nearer ones would touch
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     transform = axes.yaxis.get_transform()
     ends = transform.transform([low, high])

@@ -51,6 +51,7 @@ def test_the_value_lies_in_the_linear_part(value, times):
     ("threshold", "low", "high", "numbers"),
     [
         (0.1, -102.0, 0.03, ["-100", "-10", "-1", "0"]),
+        (0.05, -102.0, 0.04, ["-100", "-10", "-1", "-0.1", "0"]),
         (2.0, -40.0, 0.0, ["-20", "-10", "-5", "0"]),  # a short axis has numbers between the powers of ten
     ],
 )
@@ -62,6 +63,7 @@ def test_an_axis_shows_all_values_and_says_what_it_does(threshold, low, high, nu
     ends = axes.get_ylim()
     assert ends[0] < low <= high <= ends[1]
     assert set(numbers) <= {label.get_text().replace("\N{MINUS SIGN}", "-") for label in axes.get_yticklabels()}
+    assert all(tick == 0 or abs(tick) > 0.99 * threshold for tick in axes.get_yticks())
     assert axes.get_xscale() == "linear"
 
 
