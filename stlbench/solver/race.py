@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.registry import plugins
@@ -28,6 +30,8 @@ _RACE, _FINAL = 0.4, 0.4
 """Shares of the time. The rest is for the first look, the certificate and the files."""
 _EPISODES, _LEAST = 20, 3000
 """A training of fewer episodes, or of fewer steps, teaches nothing."""
+_SCORING, _SCORED = 0.2, 64
+"""The share of a final training that may go to checkpoints, and the starts from which each is scored at most."""
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 
@@ -121,9 +125,7 @@ class Trainer:
 
         Raises `UsageError` where it is too short even for one.
         """
-        assert probe.measurement is not None
-        apart = probe.measurement.wall_seconds - probe.measurement.training_wall_seconds
-        each = probe.measurement.training_wall_seconds / probe.measurement.env_steps
+        apart, each = _cost(probe)
         methods, steps = list(contestants(self.posed.task)), self.posed.task.file.steps
         given = 60 * _RACE * self.clock.minutes
         least = max(_EPISODES * steps, _LEAST)
@@ -166,15 +168,24 @@ class Trainer:
     def final(self, winner: Result) -> list[Result]:
         """The winner, trained with fresh seeds, the best first."""
         if "final" not in self.posed.task.file.budgets:
-            assert winner.measurement is not None
-            each = winner.measurement.wall_seconds / winner.measurement.env_steps
+            apart, each = _cost(winner)
             seconds = max(_FINAL * 60 * self.clock.minutes, self.clock.left - 12 * self.clock.minutes)
-            steps = int(seconds / each / -(-len(_FINAL_SEEDS) // self._at_once))
-            self._write("final", max(steps, winner.measurement.env_steps), each, checkpoints=20)
+            one = seconds / -(-len(_FINAL_SEEDS) // self._at_once)
+            checkpoints = int(np.clip(_SCORING * one / (_SCORED * self.posed.episode_seconds), 5, 20))
+            steps = int(max(one / 2, one - apart) / each)
+            assert winner.measurement is not None
+            self._write("final", max(steps, winner.measurement.env_steps), each, checkpoints)
         steps = self.posed.task.budget("final").steps
         method = str(winner.id.method)
         self.say(f"final: {method}, {len(_FINAL_SEEDS)} fresh seeds, at most {steps} steps each")
         return self.train("final", "final", [method], _FINAL_SEEDS)
+
+
+def _cost(result: Result) -> tuple[float, float]:
+    """Seconds of a cell apart from its training, which hardly depend on the steps; and seconds of training per step."""
+    measured = result.measurement
+    assert measured is not None
+    return measured.wall_seconds - measured.training_wall_seconds, measured.training_wall_seconds / measured.env_steps
 
 
 def _waves(count: int, jobs: int) -> list[int]:
