@@ -24,6 +24,7 @@ CHART = Path("figures/reward-cost")
 METHODS = ("funnel", "flag", "tau_mdp", "raw")
 PEERS = ("jax", "optax", "sbx-rl", "stable-baselines3", "torch", "sentil", "mstlo-python", "tidystl", "rtamt", "stlrom")
 TASKS = ("hold_disc", "hold_disc_coarse", "integrator_or", "robot_nav")
+RACED = ("pendulum", "cartpole", "mountain-car", "reach-stay", "patrol", "hopper")
 FORMULAS = {"three-term conjunction": "conjunction", "F G": "nested", "timed until": "until"}
 
 Figure = float | str | None
@@ -80,6 +81,15 @@ TABLES = (
             "times `dqn`": ("{}_vs_sb3", "{:.1f}"),
             "SB3, one environment": ("{}_sb3_single_seconds", "{:.2g}"),
             "times `dqn`, one environment": ("{}_vs_sb3_single", "{:.1f}"),
+        },
+    ),
+    Table(
+        "CPU seconds until 95 % of fresh starts are satisfied; rewards of SB3 from rtamt",
+        {name: f"solve_race_{name.replace('-', '_')}" for name in RACED},
+        {
+            "`stlbench solve`": ("{}_solve", "{:.0f}"),
+            **{f"SB3 {peer}": (f"{{}}_{peer}", "{:.0f}") for peer in ("PPO", "SAC", "TD3", "DQN")},
+            "fastest of SB3, times `solve`": ("{}_times", "{:.1f}"),
         },
     ),
     Table(

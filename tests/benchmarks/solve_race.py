@@ -1,9 +1,10 @@
 """One training of the race of `stlbench solve` against Stable-Baselines3, in a process of its own.
 
-    python -m benchmarks.solve_race TASK PEER SEED LIMIT
+    python -m benchmarks.solve_race TASK PEER SEED LIMIT     trains PPO, SAC, TD3 or DQN
+    python -m benchmarks.solve_race TASK solve FOLDER        checks the policy that `stlbench solve` wrote
 
-prints a line of JSON: CPU seconds of the process, imports included and checks left out, until 95 % of the fresh starts
-are satisfied, or until the limit.
+Each prints a line of JSON. The time of a peer is its CPU time, imports included and checks left out, until
+95 % of the fresh starts are satisfied, or until the limit.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import logging
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -228,15 +229,15 @@ def solved(entry: Entry, folder: Path) -> dict[str, Any]:
     return {"reached": share >= WANTED, "share": share, **facts}
 
 
-def _said(words: list[str]) -> Iterator[dict[str, Any]]:
+def main(task: str, *words: str) -> None:
+    """Print the line of a peer's training, or of a folder that `stlbench solve` wrote."""
     logging.getLogger().setLevel(logging.ERROR)  # rtamt warns at every formula
-    entry = ENTRIES[words[0]]
-    if words[1] == "solve":
-        yield solved(entry, Path(words[2]))
+    entry = ENTRIES[task]
+    if words[0] == "solve":
+        print(json.dumps(solved(entry, Path(words[1]))))
     else:
-        yield train(entry, words[1], int(words[2]), float(words[3]))
+        print(json.dumps(train(entry, words[0], int(words[1]), float(words[2]))))
 
 
 if __name__ == "__main__":
-    for line in _said(sys.argv[1:]):
-        print(json.dumps(line))
+    main(*sys.argv[1:])
