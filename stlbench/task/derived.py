@@ -17,9 +17,11 @@ from stlbench.task.scales import Box, Scale, scale
 from stlbench.task.windows import Window, windows, with_parts
 
 FARTHEST, BESIDE = 0.4, 1.0
-"""What a goal costs at its worst: alone, and beside invariants, which cost 1, so that neither hides the other."""
+"""What a goal costs at its worst: alone, and beside invariants, which cost at least as much when they are violated."""
 BEST = 0.5
 """What a goal pays at its best."""
+STEEP = 50.0
+"""The cost of an invariant rises to 1 within its depth over this number: nearly a jump."""
 CLEARANCE = 0.3
 """What an invariant pays at its best."""
 KEPT = 4.0
@@ -36,8 +38,9 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
       has to hold with it;
     - of a kept predicate, which holds at all initial states beside others that do not: the same, but -m / w counts at
       most 4. So a robot that starts at rest may move until it is there;
-    - of an invariant, with d half of the least near size among the invariants of its unit: m / d, but at least -1,
-      where m < 0; .3 min(m / d, 1) where m >= 0. So a goal that is far does not hide an obstacle.
+    - of an invariant, with d half of the least near size among the invariants of its unit: max(-1, 50 m / d) +
+      max(-1, m / d) where m < 0; .3 min(m / d, 1) where m >= 0. So even a shallow violation costs as much as the goal
+      that is farthest away: a minimum over both does not hide it, and no short cut pays.
 
     A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 where it holds. It costs 1 where it is violated
     by more than a billionth of its range. Where a formula asks for invariants alone, they count as goals.
@@ -124,7 +127,8 @@ def _invariant(margin: _Margin, depth: float) -> str:
     if margin.tight:
         return _all_or_nothing(margin)
     deep = f"{margin.text} / {depth:.9g}"
-    return f"max(-1, min({deep}, {CLEARANCE:g} * min({deep}, 1)))"
+    border = f"max(-{BESIDE:g}, min(0, {STEEP:g} * {deep}))"
+    return f"{CLEARANCE:g} * min(1, max(0, {deep})) + {border} + max(-1, min(0, {deep}))"
 
 
 def _all_or_nothing(margin: _Margin) -> str:

@@ -59,16 +59,25 @@ def test_a_goal_by_hand() -> None:
 
 def test_an_invariant_by_hand() -> None:
     both = "G[0,9] abs(x) >= 1 & F[0,9] y >= 1"  # at most 2 above its border, 1 below: its near size is 1
-    for x, expected in ((3.0, 0.3), (1.5, 0.3), (1.25, 0.15), (1.0, 0.0), (0.75, -0.5), (0.5, -1.0), (0.0, -1.0)):
+    for x, expected in (
+        (3.0, 0.3),
+        (1.5, 0.3),
+        (1.25, 0.15),
+        (1.0, 0.0),
+        (0.995, -0.51),
+        (0.75, -1.5),
+        (0.5, -2),
+        (0, -2),
+    ):
         assert _value(both, x) == pytest.approx(expected)
 
 
 def test_invariants_of_one_unit_share_the_steepest_scale() -> None:
     both = "G[0,9] (abs(x) >= 1 & abs(x) <= 2.9) & F[0,9] y >= 1"  # the near size of the second is 0.1
-    assert _value(both, 0.975) == pytest.approx(-0.5)
+    assert _value(both, 0.975) == pytest.approx(-1.5)
 
 
-def test_beside_invariants_a_goal_costs_as_much_as_they_do() -> None:
+def test_beside_invariants_a_goal_costs_as_much_as_their_borders() -> None:
     assert _value("F[0,9] norm(x, y) <= 1 & G[0,9] abs(z) <= 1", 3.0, 3.0) == pytest.approx(-1)
 
 
