@@ -23,6 +23,7 @@ from stlbench.cli.share import bundle, export, export_policy, verify
 from stlbench.cli.show import app as show
 from stlbench.cli.show import list_plugins
 from stlbench.cli.solve import solve
+from stlbench.cli.suite import app as suite
 from stlbench.cli.tune import tune
 from stlbench.cli.watch import watch
 from stlbench.errors import foreign
@@ -49,6 +50,7 @@ app.command("tune", rich_help_panel=TRAIN, short_help="Find a recipe for each me
 app.command("watch", rich_help_panel=TRAIN, short_help="Show what runs now, from another terminal.")(watch)
 app.command("list", rich_help_panel=LOOK, short_help="List methods, tasks, agents, executors or logs.")(list_plugins)
 app.add_typer(show, name="show", rich_help_panel=LOOK)
+app.add_typer(suite, name="suite", rich_help_panel=LOOK)
 app.command("advise", rich_help_panel=LOOK, short_help="Say which reward methods fit a task.")(advise)
 app.command("report", rich_help_panel=LOOK, short_help="Write tables, figures or a page of results.")(report)
 app.command("plot", rich_help_panel=LOOK, short_help="Draw learning curves, robustness and trajectories.")(plot)

@@ -211,7 +211,7 @@ def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
     from stlbench.rollout.standards import standards
     from stlbench.study.plugin_guard import ask
 
-    unknown = {group.setting.task.name for group in groups} - plugins.available("tasks").keys()
+    unknown = {name for name in (group.setting.task.name for group in groups) if plugins.known("tasks", name) is None}
     if unknown:
         warn(
             f"not installed: {', '.join(sorted(unknown))}; what needs the task is left out. "

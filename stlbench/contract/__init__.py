@@ -22,7 +22,7 @@ A complete reward method, the robustness of the terms that are active:
 Its distribution names it in `pyproject.toml`: `[project.entry-points."stlbench.methods"]`, `my-raw = "my_package:Raw"`.
 `stlbench new method NAME` writes such a distribution, and `stlbench check NAME` checks the rules.
 
-**Required.** There are five kinds of plugins. Each has an entry-point group, a base class, and methods to write:
+**Required.** There are six kinds of plugins. Each has an entry-point group, a base class, and methods to write:
 
 | group | base class | write |
 |---|---|---|
@@ -31,6 +31,7 @@ Its distribution names it in `pyproject.toml`: `[project.entry-points."stlbench.
 | `stlbench.agents` | `Agent` | `train`: steps an `Environment`, returns a `Policy` with `act` |
 | `stlbench.executors` | `Executor` | `run`: calls a function on items in processes of their own |
 | `stlbench.logs` | `RunLog` | `ended`: takes the result of a cell |
+| `stlbench.suites` | `Suite` | `names`, `splits`, `task`: makes tasks from their names |
 
 Arrays are NumPy float64 and batched, rows first. `N` is the number of copies in lock-step, `n` the size of the state,
 `k` the number of signals, `m` the size of the memory, `D` the size of the observation. Time is a step count: a trace
@@ -78,6 +79,7 @@ from stlbench.contract.executor import Executor, Outcome, Work
 from stlbench.contract.log import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.contract.method import RewardMethod
 from stlbench.contract.specification import Intractable, Specification, Unsuitable
+from stlbench.contract.suite import Suite, SuiteTask
 from stlbench.contract.system import GymTask, System, World, WorldTask
 from stlbench.errors import cause, foreign
 
@@ -106,6 +108,8 @@ __all__ = [
     "RunLog",
     "Specification",
     "StatePolicy",
+    "Suite",
+    "SuiteTask",
     "System",
     "Training",
     "Transition",

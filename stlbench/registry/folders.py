@@ -21,7 +21,7 @@ from types import ModuleType
 
 from stlbench.contract import GymTask, System, WorldTask
 from stlbench.errors import UsageError
-from stlbench.registry import plugins
+from stlbench.registry import plugins, suites
 from stlbench.registry.choices import NAME, Choice, parse_choice, split
 
 _FILE, _MODULE = "task.yaml", "system"
@@ -64,16 +64,27 @@ def is_path(name: str) -> bool:
 
 
 def parse_task(text: str) -> Choice:
-    """A task by its name or by its folder's path, with or without parameters: `./my-task[hold=2]`.
+    """A task by its name, by its folder's path, or by its address in a suite, with or without parameters:
+    `./my-task[hold=2]`, `suite:unicycle/sequence/7`.
 
-    Raises `UsageError` where the text is neither, or the folder is no task (`know`).
+    Raises `UsageError` where the text is none of these, the folder is no task (`know`), or several are meant.
     """
+    meant = _several(text)
+    if len(meant) > 1:
+        raise UsageError(f"'{text}': one task is expected, these are {len(meant)}")
+    return meant[0]
+
+
+def _several(text: str) -> tuple[Choice, ...]:
     name, bracket, rest = text.strip().partition("[")
-    return parse_choice(f"{know(Path(name.strip())).name}{bracket}{rest}" if is_path(name.strip()) else text)
+    if suites.is_address(name):
+        return tuple(parse_choice(f"{each}{bracket}{rest}") for each in suites.named(name.strip()))
+    return (parse_choice(f"{know(Path(name.strip())).name}{bracket}{rest}" if is_path(name.strip()) else text),)
 
 
 def parse_tasks(text: str) -> tuple[Choice, ...]:
-    return tuple(dict.fromkeys(parse_task(item) for item in split(text)))
+    """A comma list. An address in a suite may mean several tasks: `suite:dev`."""
+    return tuple(dict.fromkeys(choice for item in split(text) for choice in _several(item)))
 
 
 def task_of(value: Choice | str) -> Choice:

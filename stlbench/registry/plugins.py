@@ -26,6 +26,7 @@ _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "agents": (contract.Agent,),
     "executors": (contract.Executor,),
     "logs": (contract.RunLog,),
+    "suites": (contract.Suite,),
 }
 KINDS = tuple(_CONTRACTS)
 """The kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"."""
@@ -78,6 +79,11 @@ class Plugin:
         """The first line of the class's docstring. Raises `PluginError`."""
         lines = (inspect.getdoc(self.load()) or "").splitlines()
         return one_line(lines[0]) if lines else ""
+
+    @property
+    def revised(self) -> tuple[str, str]:
+        """The kind and the name of what has its revision."""
+        return self.kind, self.name
 
     @property
     def is_own(self) -> bool:
@@ -170,12 +176,21 @@ def _warn(message: str) -> None:
 
 
 def find(kind: str, name: str) -> Plugin:
-    known = available(kind)
-    if name not in known:
+    if (plugin := known(kind, name)) is None:
         meant = [] if kind != "executors" else _about(kind, name)
-        hint = f"; did you mean '{meant[0]}'?" if meant else did_you_mean(name, known)
+        hint = f"; did you mean '{meant[0]}'?" if meant else did_you_mean(name, available(kind))
         raise UsageError(f"no {kind.removesuffix('s')} '{name}'{hint}")
-    return known[name]
+    return plugin
+
+
+def known(kind: str, name: str) -> Plugin | None:
+    """The plugin of that name, or the task that a suite has; None where there is none."""
+    plugin = available(kind).get(name)
+    if plugin is None and kind == "tasks":
+        from stlbench.registry import suites  # which are plugins
+
+        return suites.task(name)
+    return plugin
 
 
 def _about(kind: str, word: str) -> list[str]:

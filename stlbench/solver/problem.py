@@ -165,7 +165,7 @@ def _numbers(score: Score) -> dict[str, float]:
 
 
 def _is_task(name: str) -> bool:
-    return folders.is_path(name) or name in plugins.available("tasks")
+    return folders.is_path(name) or plugins.known("tasks", name) is not None
 
 
 def _of_task(problem: Problem, home: Path) -> dict[str, Any]:

@@ -159,6 +159,6 @@ def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> 
     """
     plugin = plugins.find(kind, name)
     code = code_of(plugin.entry_point.module) | further
-    number = revision(kind, name) if plugin.is_own else None
+    number = revision(*plugin.revised) if plugin.is_own else None
     source = [plugin.version, code.digest] if number is None else [number]
     return Part(digest([*values, plugin.distribution, *source]), code)

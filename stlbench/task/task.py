@@ -26,6 +26,7 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
+from stlbench.registry.suites import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts
 from stlbench.task.file import Axis, Budget, TaskFile
@@ -178,7 +179,7 @@ def load_task(choice: Choice | str) -> Task:
     name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
-    reading = read(_text(name, kind), name)
+    reading = read(plugin.file if isinstance(plugin, SuitePlugin) else _text(name, kind), name)
     errors = list(reading.errors)
     dynamics = None
     try:

@@ -1,0 +1,112 @@
+"""`stlbench suite`: the tasks that suites make from their names, and pictures of their witnesses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.common import Json, show
+from stlbench.cli.show_task import task
+
+if TYPE_CHECKING:
+    from stlbench.report import Table
+
+app = typer.Typer(rich_markup_mode=None)
+app.command("show")(task)
+
+Address = Annotated[
+    str, typer.Argument(metavar="TASKS", help="As suite:dev, suite:unicycle, suite:unicycle/sequence/7.")
+]
+
+
+@app.callback()
+def suite() -> None:
+    """List, show and draw generated tasks.
+
+    \b
+    Example:
+      stlbench suite list suite:unicycle
+    """
+
+
+@app.command("list")
+def list_tasks(tasks: Address, as_json: Json = False) -> None:
+    """List tasks of a suite: splits, steps, the robustness of the witness and its upper bound.
+
+    \b
+    Examples:
+      stlbench suite list suite:quick
+      stlbench suite list suite:unicycle/sequence
+    """
+    listed = [_facts(name) for name in _names(tasks)]
+    show(as_json, listed, _table(tasks, listed))
+
+
+def _names(address: str) -> tuple[str, ...]:
+    from stlbench.errors import UsageError
+    from stlbench.registry import suites
+
+    if not suites.is_address(address):
+        raise UsageError(f"'{address}': tasks of a suite are named as in suite:unicycle/sequence/7")
+    return suites.named(address)
+
+
+def _facts(name: str) -> dict[str, Any]:
+    from stlbench.registry import suites
+    from stlbench.task.reading import read_task_file
+
+    plugin = suites.task(name)
+    assert plugin is not None
+    file, splits = read_task_file(plugin.file, name), suites.made(plugin.suite).splits
+    known = file.best_known
+    return {
+        "task": f"{plugin.suite.name}:{plugin.member}",
+        "splits": [split for split, names in splits.items() if plugin.member in names],
+        "steps": file.steps,
+        "best_known": None if known is None else known.robustness,
+        "upper_bound": None if known is None else known.upper_bound,
+        "formula": str(file.formula),
+    }
+
+
+def _table(address: str, listed: list[dict[str, Any]]) -> Iterator[Table]:
+    from stlbench.report import Column, Table
+
+    titles = {"task": "task", "splits": "splits", "steps": "steps", "best_known": "best known", "upper_bound": "bound"}
+    columns = tuple(Column(title, right=title not in ("task", "splits")) for title in titles.values())
+    rows = tuple(tuple(", ".join(v) if isinstance(v := facts[key], list) else v for key in titles) for facts in listed)
+    yield Table(f"{address}: {len(listed)} tasks", columns, rows)
+
+
+@app.command("draw")
+def draw(
+    tasks: Address,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the figures.")] = Path("figures"),
+) -> None:
+    """Draw the regions of tasks with the traces of their witnesses, as PNG, SVG and PDF; the files are printed.
+
+    \b
+    Example:
+      stlbench suite draw suite:unicycle/sequence/1 --out pictures
+    """
+    from stlbench.errors import UsageError
+    from stlbench.registry import suites
+    from stlbench.report.figures.files import save
+    from stlbench.report.figures.trajectories import trajectories
+    from stlbench.rollout.held import replay
+    from stlbench.rollout.traces import Recording
+    from stlbench.task import load_task
+
+    for name in _names(tasks):
+        plugin = suites.task(name)
+        assert plugin is not None
+        witness = suites.made(plugin.suite).witness(plugin.member)
+        if witness is None:
+            raise UsageError(f"task {name} has no witness that could be drawn")
+        loaded = load_task(name)
+        recording = Recording(replay(loaded, witness).traces, 1)
+        for path in save(trajectories(loaded, recording, f"{name}, witness"), out, name):
+            typer.echo(path)

@@ -1,0 +1,151 @@
+"""From a name to a task: `unicycle/sequence/7` is the seventh accepted candidate of its system and template."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
+from importlib import resources
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Integers, Suite, SuiteTask
+from stlbench_tasks.suite.scene import DT, Draw, Level, Scene
+from stlbench_tasks.suite.systems import SYSTEMS
+from stlbench_tasks.suite.templates import (
+    TEMPLATES,
+    avoid_reach,
+    deliver,
+    either_or,
+    patrol,
+    patrol_stay,
+    response,
+    tube,
+    until,
+)
+
+VERSION = 1
+"""A change of what a name means is a suite of another name."""
+SPLITS = ("dev", "core", "core", "hard")
+"""The split of task n is SPLITS[n % 4]."""
+QUICK = 24
+"""Tasks of the split `quick`, evenly spread over the first core tasks of all systems and templates."""
+_OF_ONE = (either_or, until, patrol, patrol_stay, response, tube)
+"""Templates for systems of one point."""
+_BUDGETS = {
+    "smoke": {"steps": 16000, "seeds": 1, "deadline": 300, "checkpoints": 1, "random_starts": 0},
+    "quick": {"steps": 800000, "seeds": 2, "deadline": 600, "checkpoints": 10, "random_starts": 200},
+    "paper": {"steps": 3200000, "seeds": 10, "deadline": 3600, "checkpoints": 20},
+}
+STARTS = 32
+"""Starts of the report, and of a witness."""
+
+
+def fits(system: str, template: str) -> bool:
+    """Whether a template makes sense for a system."""
+    points, form = SYSTEMS[system].about.points, TEMPLATES[template]
+    if len(points) > 1:
+        return form not in _OF_ONE
+    return form is not deliver and (form is not avoid_reach or len(points[0]) > 1)
+
+
+class Candidate(NamedTuple):
+    """What may become a task."""
+
+    system: str
+    template: str
+    level: Level
+    number: int
+
+    @property
+    def scene(self) -> tuple[Scene, str]:
+        """The scene and the formula. Raises `Cramped`."""
+        name = f"{VERSION}/{self.system}/{self.template}/{self.level}/{self.number}"
+        scene = Scene(SYSTEMS[self.system], Draw(name), self.level)
+        return scene, TEMPLATES[self.template](scene)
+
+    def content(self, title: str) -> dict[str, Any]:
+        """The entries of its `task.yaml`. Raises `Cramped`."""
+        scene, formula = self.scene
+        system, about = scene.system, scene.system.about
+        return {
+            "title": title,
+            "source": f"stlbench's suite of formulas, version {VERSION}: {TEMPLATES[self.template].__doc__}",
+            "formula": formula,
+            "sampling_time": DT,
+            "steps": -(-stl.horizon(stl.parse(formula)) // about.hold) * about.hold,
+            "hold": about.hold,
+            "signals": {
+                name: dict(zip(("low", "high", "unit"), ends, strict=True)) for name, ends in about.ranges.items()
+            },
+            "plane": list(about.points[0]) if len(about.points[0]) > 1 else None,
+            "actions": {
+                name: dict(zip(("low", "high", "count", "unit"), axis, strict=True))
+                for name, axis in about.axes.items()
+            },
+            "robots": {name: list(owned) for name, owned in about.robots.items()},
+            "initial": {"box": {name: list(ends) for name, ends in system.begin(tuple(scene.starts)).items()}},
+            "starts": STARTS,
+            "budgets": _BUDGETS,
+        }
+
+
+@cache
+def table() -> Mapping[str, Any]:
+    """What `studies/suite.py` accepted: system/template -> a row per task, with the facts that it measured."""
+    path = resources.files(__package__).joinpath("accepted.json")
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else {"accepted": {}, "refused": {}}
+
+
+def level(n: int) -> Level:
+    """How hard task n is drawn."""
+    return "hard" if SPLITS[n % len(SPLITS)] == "hard" else "usual"
+
+
+class FormulaSuite(Suite):
+    """Generated formulas on simple systems, each with a witness and an upper bound, for the track auto."""
+
+    @cached_property
+    def names(self) -> Sequence[str]:
+        """system/template/n."""
+        return [f"{pair}/{n}" for pair, rows in table()["accepted"].items() for n in range(len(rows))]
+
+    @cached_property
+    def splits(self) -> Mapping[str, Sequence[str]]:
+        """By the number of a task: dev 0, 4, ...; core 1, 2, 5, 6, ...; hard 3, 7, ...; quick, a part of core."""
+        parts = {split: [name for name in self.names if _split(name) == split] for split in dict.fromkeys(SPLITS)}
+        first = [name for name in self.names if name.endswith("/1")]
+        spread = np.unique(np.arange(QUICK) * len(first) // QUICK) if first else ()
+        return parts | {"quick": [first[place] for place in spread]}
+
+    def task(self, name: str) -> SuiteTask:
+        """The task, with what is known of it."""
+        candidate, facts = self.candidate(name), self.facts(name)
+        best = {key: facts[key] for key in ("robustness", "upper_bound")}
+        why = {
+            "how": "the witness: way points, then local search",
+            "why": "what the points can reach, predicate by predicate",
+        }
+        known = {"best_known": best | why, "baselines": facts["baselines"]}
+        return SuiteTask(SYSTEMS[candidate.system], json.dumps(candidate.content(f"suite:{name}") | known))
+
+    def candidate(self, name: str) -> Candidate:
+        """What a name stands for."""
+        system, template, n = name.split("/")
+        return Candidate(system, template, level(int(n)), self.facts(name)["candidate"])
+
+    def facts(self, name: str) -> Mapping[str, Any]:
+        """What was measured of a task."""
+        pair, _, n = name.rpartition("/")
+        return dict(table()["accepted"][pair][int(n)])
+
+    def witness(self, name: str) -> Integers | None:
+        """The best actions that were found from each of the report's starts."""
+        with resources.files(__package__).joinpath("witnesses.npz").open("rb") as file, np.load(file) as stored:
+            return stored[name].astype(np.int64) if name in stored else None
+
+
+def _split(name: str) -> str:
+    return SPLITS[int(name.rpartition("/")[2]) % len(SPLITS)]

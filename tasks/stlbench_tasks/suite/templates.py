@@ -1,0 +1,190 @@
+"""The templates: forms of formulas. Each takes regions from a scene and gives a formula, with intervals in steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate, pairwise, permutations
+
+from stlbench_tasks.suite.scene import Disc, Scene
+from stlbench_tasks.suite.systems import Place
+
+
+def reach(scene: Scene) -> str:
+    """Be in a region once: F[0,b] A, for each point."""
+    return _reach(scene, "", 0)
+
+
+def reach_stay(scene: Scene) -> str:
+    """Reach a region and stay: F[0,b] G[0,s] A, for each point."""
+    stay = 2 * scene.stay()
+    return _reach(scene, f"G[0,{stay}] ", stay)
+
+
+def _reach(scene: Scene, held: str, stay: int) -> str:
+    goals = [scene.region(point) for point in range(len(scene.about.points))]
+    end = max(_legs(scene, goals))
+    return _with_clutter(scene, [f"F[0,{end}] {held}{goal}" for goal in goals], end + stay, 0)
+
+
+def avoid_reach(scene: Scene) -> str:
+    """Reach a region around obstacles: F[0,b] A & G[0,b] !O, for each point."""
+    goals = [scene.region(point) for point in range(len(scene.about.points))]
+    end = max(_legs(scene, goals)) + scene.steps(1.5 * scene.slack)
+    for start, goal in zip(scene.starts, goals, strict=True):
+        scene.block(start, goal.centre)
+    return _with_clutter(scene, [f"F[0,{end}] {goal}" for goal in goals], end, 4)
+
+
+def sequence(scene: Scene) -> str:
+    """Regions in turn, each within its own window: F[0,b] A & F[b,c] B & ..."""
+    goals = _regions(scene, 2, 4)
+    ends = list(accumulate(_legs(scene, goals)))
+    terms = [f"F[{begin},{end}] {goal}" for (begin, end), goal in zip(pairwise([0, *ends]), goals, strict=True)]
+    return _with_clutter(scene, terms, ends[-1], 2)
+
+
+def chain(scene: Scene) -> str:
+    """Regions in turn, each within a time after the one before: F[0,a] (A & F[0,b] (B & ...))."""
+    goals = _regions(scene, 2, 3)
+    legs = _legs(scene, goals)
+    formula = f"F[0,{legs[-1]}] {goals[-1]}"
+    for leg, goal in zip(legs[-2::-1], goals[-2::-1], strict=True):
+        formula = f"F[0,{leg}] ({goal} & {formula})"
+    return _with_clutter(scene, [formula], sum(legs), 2)
+
+
+def free_order(scene: Scene) -> str:
+    """All regions, in any order: F[0,b] A & F[0,b] B & ..."""
+    goals = _regions(scene, 2, 4)
+    scene.tours = sorted(map(list, permutations(goals)), key=lambda tour: sum(_legs(scene, tour)))
+    end = sum(_legs(scene, scene.tours[0]))
+    return _with_clutter(scene, [f"F[0,{end}] {goal}" for goal in goals], end, 2)
+
+
+def either_or(scene: Scene) -> str:
+    """Stay in one of two regions: F[0,b] (G[0,s] A | G[0,s] B)."""
+    one, other = scene.region(), scene.region()
+    scene.tours = [[one], [other]]
+    stay = 2 * scene.stay()
+    end = max(scene.leg(scene.starts[0], one.centre), scene.leg(scene.starts[0], other.centre))
+    return _with_clutter(scene, [f"F[0,{end}] (G[0,{stay}] {one} | G[0,{stay}] {other})"], end + stay, 4)
+
+
+def until(scene: Scene) -> str:
+    """Keep out of one region until another is reached, then reach it: (!A U[0,b] B) & F[b,c] A."""
+    door, key = scene.region(), scene.region()
+    scene.tours = [[key, door]]
+    first, second = _legs(scene, [key, door])
+    first += scene.steps(scene.slack)
+    return _with_clutter(
+        scene, [f"{door.outside} U[0,{first}] {key}", f"F[{first},{first + second}] {door}"], first + second, 2
+    )
+
+
+def patrol(scene: Scene) -> str:
+    """Visit two regions again and again: G[0,b] (F[0,w] A & F[0,w] B)."""
+    return _patrol(scene, 0)
+
+
+def patrol_stay(scene: Scene) -> str:
+    """Stay in two regions again and again: G[0,b] (F[0,w] G[0,s] A & F[0,w] G[0,s] B)."""
+    return _patrol(scene, scene.about.hold)
+
+
+def _patrol(scene: Scene, stay: int) -> str:
+    one, other = scene.region(spread=1.0), scene.region(spread=1.0)
+    there = scene.leg(one.centre, other.centre)
+    first = min(scene.leg(scene.starts[0], goal.centre) for goal in (one, other))
+    window = max(first + there, 2 * there) + 2 * stay
+    held = f"G[0,{stay}] " if stay else ""
+    rounds = scene.draw.whole(1, 2) * window
+    scene.tours = [[one, other] * 4, [other, one] * 4]
+    visits = f"F[0,{window}] {held}{one} & F[0,{window}] {held}{other}"
+    return _with_clutter(scene, [f"G[0,{rounds}] ({visits})"], rounds + window + stay, 0)
+
+
+def response(scene: Scene) -> str:
+    """Go to a region, and whenever there, to another soon: F[0,b] A & G[0,c] (A -> F[0,w] B)."""
+    call, answer = scene.region(), scene.region()
+    first, window = _legs(scene, [call, answer])
+    end = first + scene.draw.whole(1, 4) * scene.about.hold
+    return _with_clutter(
+        scene, [f"F[0,{first}] {call}", f"G[0,{end}] ({call} -> F[0,{window}] {answer})"], end + window, 2
+    )
+
+
+def tube(scene: Scene) -> str:
+    """Stay in a disc that moves in steps: G[a,b] A & G[b,c] B & ..., with regions that overlap."""
+    disc = scene.region()
+    ends, terms = [scene.leg(scene.starts[0], disc.centre)], list[str]()
+    dx, dy = scene.draw.whole(-1, 1), scene.draw.whole(-1, 1)
+    for _ in range(scene.draw.whole(2, 4)):
+        moved = _moved(disc, (dx or 1 - abs(dy)) * 0.7 * disc.radius, dy * 0.7 * disc.radius)
+        ends.append(ends[-1] + scene.steps(scene.slack * (disc.radius / scene.about.pace + 0.5)))
+        terms.append(f"G[{ends[-2]},{ends[-1]}] {disc}")
+        scene.regions.append(moved)
+        disc = moved
+    end = ends[-1] + scene.about.hold
+    return _with_clutter(scene, [*terms, f"G[{ends[-1]},{end}] {disc}"], end, 0)
+
+
+def overlap(scene: Scene) -> str:
+    """Stay in regions within windows that overlap: F[a,c] G[0,s] A & F[b,d] G[0,s] B & ..., with a < b < c < d."""
+    goals = _regions(scene, 2, 3)
+    stay, held, terms = scene.stay(), scene.about.hold, list[str]()
+    ends = list(accumulate(leg + stay for leg in _legs(scene, goals)))
+    for before, end, goal in zip([0, *ends], ends, goals, strict=False):
+        begin = before // 2 // held * held
+        terms.append(f"F[{begin},{end}] G[0,{stay}] {goal}")
+    return _with_clutter(scene, terms, ends[-1] + stay, 2)
+
+
+def deliver(scene: Scene) -> str:
+    """One robot fetches, both meet side by side, the other brings: F[0,a] A & F[a,b] (H & K) & F[b,c] B."""
+    fetch, here = scene.region(0), scene.region(0, 2.0)
+    there = Disc(scene.about.points[1], (round(here.centre[0] + 0.6, 4), here.centre[1]), here.radius)
+    scene.regions.append(there)
+    bring = scene.region(1)
+    first = scene.leg(scene.starts[0], fetch.centre)
+    met = first + max(scene.leg(fetch.centre, here.centre), scene.leg(scene.starts[1], there.centre))
+    end = met + scene.leg(there.centre, bring.centre)
+    terms = [f"F[0,{first}] {fetch}", f"F[{first},{met}] ({here} & {there})", f"F[{met},{end}] {bring}"]
+    return _with_clutter(scene, terms, end, 1)
+
+
+def _regions(scene: Scene, least: int, most: int) -> list[Disc]:
+    """New regions, of all points in turn."""
+    count = scene.draw.whole(least, most if scene.level == "hard" else most - (most > least))
+    return [scene.region(number % len(scene.about.points)) for number in range(count)]
+
+
+def _legs(scene: Scene, goals: Sequence[Disc]) -> list[int]:
+    """Steps for each leg of a tour. A point waits where it was last."""
+    places = dict[tuple[str, ...], Place](zip(scene.about.points, scene.starts, strict=True))
+    legs = []
+    for goal in goals:
+        legs.append(scene.leg(places[goal.names], goal.centre))
+        places[goal.names] = goal.centre
+    return legs
+
+
+def _moved(disc: Disc, dx: float, dy: float) -> Disc:
+    """The disc at another place, within the room."""
+    x, y = (min(max(at + by, disc.radius), 6 - disc.radius) for at, by in zip(disc.centre, (dx, dy), strict=True))
+    return Disc(disc.names, (round(x, 2), round(y, 2)), disc.radius)
+
+
+def _with_clutter(scene: Scene, terms: list[str], end: int, most: int) -> str:
+    """The conjunction of terms that end at step `end`, with an invariant where there is one."""
+    invariant = scene.clutter(most)
+    return " & ".join([f"({term})" for term in terms] + ([f"G[0,{end}] ({invariant})"] if invariant else []))
+
+
+TEMPLATES: Mapping[str, Callable[[Scene], str]] = {
+    each.__name__.replace("_", "-"): each
+    for each in (
+        *(reach, reach_stay, avoid_reach, sequence, chain, free_order, either_or),
+        *(until, patrol, patrol_stay, response, tube, overlap, deliver),
+    )
+}
+"""By the name that tasks have."""
