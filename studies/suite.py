@@ -264,7 +264,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=4.0)
     options = parser.parse_args()
-    table: dict[str, Any] = {"accepted": {}, "refused": {}}
+    table: dict[str, Any] = {"accepted": {}, "refused": {}, "short": []}
     stored = dict[str, Array]()
     if TABLE.exists():
         table = json.loads(TABLE.read_text(encoding="utf-8"))
@@ -281,7 +281,7 @@ def fill(
     """Accept tasks of one system and template until there are so many, or too many are refused; write each at once."""
     pair = f"{system}/{template}"
     rows, refused = table["accepted"].setdefault(pair, []), Counter(table["refused"].setdefault(pair, {}))
-    while len(rows) < size:
+    while len(rows) < size and pair not in table["short"]:
         own = level(len(rows))
         tried = [row["candidate"] for n, row in enumerate(rows) if level(n) == own]
         twins = [_asked(Candidate(system, template, own, number)) for number in tried]
@@ -293,6 +293,7 @@ def fill(
             refused[result] += 1
         table["refused"][pair] = dict(refused)
         if isinstance(result, str):
+            table["short"].append(pair)
             print(f"{pair}: only {len(rows)}; refused {dict(refused)}", flush=True)
             break
         row, indices = result
@@ -314,7 +315,8 @@ def write(table: dict[str, Any], stored: dict[str, Array]) -> None:
     pairs = {pair: ",\n".join(f"   {json.dumps(row)}" for row in rows) for pair, rows in table["accepted"].items()}
     accepted = ",\n".join(f'  "{pair}": [\n{rows}\n  ]' for pair, rows in pairs.items())
     refused = ",\n".join(f'  "{pair}": {json.dumps(counts)}' for pair, counts in table["refused"].items())
-    text = f'{{\n "accepted": {{\n{accepted}\n }},\n "refused": {{\n{refused}\n }}\n}}\n'
+    short = json.dumps(table["short"])
+    text = f'{{\n "accepted": {{\n{accepted}\n }},\n "refused": {{\n{refused}\n }},\n "short": {short}\n}}\n'
     TABLE.write_text(text, encoding="utf-8")
     np.savez_compressed(WITNESSES, **stored)  # type: ignore[arg-type]
 

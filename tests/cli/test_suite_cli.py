@@ -1,0 +1,41 @@
+"""`stlbench suite`, and tasks of a suite in other commands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from stlbench.cli import app
+
+TASK = "suite:integrator/reach-stay/1"
+
+
+def test_list() -> None:
+    listed = json.loads(CliRunner().invoke(app, ["suite", "list", "suite:integrator/reach-stay", "--json"]).stdout)
+    assert [row["task"] for row in listed][1] == TASK
+    assert [row["splits"][0] for row in listed] == ["dev", "core", "core", "hard"]
+    assert all(0 < row["best_known"] <= row["upper_bound"] for row in listed)
+    text = CliRunner().invoke(app, ["suite", "list", "suite:quick"]).stdout
+    assert "24 tasks" in text
+
+
+def test_a_task_that_is_in_no_suite() -> None:
+    refused = CliRunner().invoke(app, ["suite", "list", "reach-stay"])
+    assert refused.exit_code == 2
+    assert "as in suite:unicycle/sequence/7" in refused.stderr
+
+
+def test_draw(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["suite", "draw", TASK, "--out", str(tmp_path)])
+    assert done.exit_code == 0
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [f"suite-integrator-reach-stay-1.{end}" for end in ("pdf", "png", "svg")]
+
+
+def test_run(tmp_path: Path) -> None:
+    words = ["run", "--tasks", TASK, "--methods", "raw", "--budget", "smoke", "--jobs", "1", "--results", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "suite-integrator-reach-stay-1" in done.stdout
