@@ -7,8 +7,10 @@ python studies/pages.py --check    write nothing; exit code 1 where a page says 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from statistics import median
 
 import ablation
 import joss
@@ -20,6 +22,9 @@ from stlbench import Results
 from stlbench.registry import plugins
 from stlbench.rollout.baselines import constants
 from stlbench.task import load_task
+from stlbench_tasks.suite.formulas import table as suite_table
+from stlbench_tasks.suite.systems import SYSTEMS
+from stlbench_tasks.suite.templates import TEMPLATES
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "reference"
@@ -28,6 +33,8 @@ METHODS = ("funnel", "funnel[variant=code]", "raw", "flag", "tau-mdp")
 """Columns of the main table."""
 RIVALS = ("funnel", "raw", "flag")
 """Methods that every track has."""
+REFUSED = ("trivial", "unknown", "cramped")
+"""Why candidates of the suite are refused."""
 SEEDS = 10
 """Of the study: only where a row has another number, an entry says it."""
 
@@ -262,6 +269,28 @@ def whole(lines: tuple[Sequence[str], Sequence[Sequence[str]]]) -> str:
     return table(*lines, right=0)
 
 
+def suite() -> str:
+    """One row per template: its tasks on each system, how far the witness is from the bound, what was refused."""
+    accepted, refused = suite_table()["accepted"], suite_table()["refused"]
+    body, whole = [], Counter[str]()
+    for template in TEMPLATES:
+        pairs = [f"{system}/{template}" for system in SYSTEMS]
+        counts = [len(accepted.get(pair, ())) for pair in pairs]
+        rows = [row for pair in pairs for row in accepted.get(pair, ())]
+        gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
+        why = sum((Counter(refused.get(pair, {})) for pair in pairs), Counter[str]())
+        whole += why + Counter(dict(zip(SYSTEMS, counts, strict=True)))
+        form = (TEMPLATES[template].__doc__ or "").partition(": ")[2].partition(", for each")[0].rstrip(".")
+        text = [f"`{template}`", f"`{form}`".replace("|", "\\|")]
+        body.append([*text, *counts, sum(counts), f"{100 * gap:.0f} %", *(why[kind] for kind in REFUSED)])
+    rows = [row for each in accepted.values() for row in each]
+    gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
+    total = ["all", "", *(whole[system] for system in SYSTEMS), len(rows), f"{100 * gap:.0f} %"]
+    body.append([*total, *(whole[kind] for kind in REFUSED)])
+    header = ["template", "formula", *(f"`{system}`" for system in SYSTEMS), "all", "gap, median", *REFUSED]
+    return table(header, [[str(value) for value in row] for row in body], right=len(header) - 1)
+
+
 def baselines() -> str:
     """One row per task of stlbench: its best constant action, its controller, the best known and its upper bound."""
     by_hand = {row["task"]: row for folder in ("field", "reference") for row in recorded.table(folder, "controllers")}
@@ -301,6 +330,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-planned": lambda: whole(survey.planned()),
     },
     "docs/explanation/auto.md": {"auto": auto},
+    "docs/explanation/suite.md": {"suite": suite},
     "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
     "docs/performance-tables.md": {"cost": cost},
     "paper/paper.md": {

@@ -36,6 +36,7 @@ from stlbench import stl
 from stlbench.contract import ActionGrid, Executor, Outcome, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.gym import StlVectorEnv
+from stlbench.registry import suites
 from stlbench.task import load_task
 from stlbench.task.view import FormulaView
 
@@ -376,13 +377,23 @@ def _task(name: str) -> Witness:
     return Witness(f"tasks.{name}", lambda: moves(name), others, _TASKS.get(name, ()))
 
 
+def _suite(name: str) -> Witness:
+    """One task of each system."""
+    names = [each for each in suites.named(f"{name}:core") if each.endswith("-reach-stay-1")]
+
+    def compute() -> Numbers:
+        return {f"{each} {key}": values for each in names for key, values in moves(each).items()}
+
+    return Witness(f"suites.{name}", compute, ("harness", "methods.flag"))
+
+
 def witnesses() -> Iterator[Witness]:
     """One for each part."""
     alone = {
         "harness": Witness("harness", _harness, ("methods.raw", "methods.flag", "agents.dqn")),
         "view": Witness("view", _view, ("harness", "methods.raw", "agents.dqn")),
     }
-    makers = {"agents": _agent, "methods": _method, "tasks": _task}
+    makers = {"agents": _agent, "methods": _method, "suites": _suite, "tasks": _task}
     for part in revisions():
         kind, _, name = part.partition(".")
         yield makers[kind](name) if name else alone[part]
