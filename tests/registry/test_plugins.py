@@ -163,5 +163,5 @@ def test_an_unknown_name_gets_did_you_mean(site):
         plugins.find("methods", "zz-funel")
 
 
-def test_there_are_five_kinds():
-    assert plugins.KINDS == ("methods", "tasks", "agents", "executors", "logs")
+def test_there_are_six_kinds():
+    assert plugins.KINDS == ("methods", "tasks", "agents", "executors", "logs", "suites")

@@ -13,7 +13,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Integers, Suite, SuiteTask
 from stlbench_tasks.suite.scene import DT, Draw, Level, Scene
-from stlbench_tasks.suite.systems import SYSTEMS
+from stlbench_tasks.suite.systems import SYSTEMS, About
 from stlbench_tasks.suite.templates import (
     TEMPLATES,
     avoid_reach,
@@ -34,11 +34,6 @@ QUICK = 24
 """Tasks of the split `quick`, evenly spread over the first core tasks of all systems and templates."""
 _OF_ONE = (either_or, until, patrol, patrol_stay, response, tube)
 """Templates for systems of one point."""
-_BUDGETS = {
-    "smoke": {"steps": 16000, "seeds": 1, "deadline": 300, "checkpoints": 1, "random_starts": 0},
-    "quick": {"steps": 800000, "seeds": 2, "deadline": 600, "checkpoints": 10, "random_starts": 200},
-    "paper": {"steps": 3200000, "seeds": 10, "deadline": 3600, "checkpoints": 20},
-}
 STARTS = 32
 """Starts of the report, and of a witness."""
 
@@ -88,8 +83,17 @@ class Candidate(NamedTuple):
             "robots": {name: list(owned) for name, owned in about.robots.items()},
             "initial": {"box": {name: list(ends) for name, ends in system.begin(tuple(scene.starts)).items()}},
             "starts": STARTS,
-            "budgets": _BUDGETS,
+            "budgets": _budgets(about),
         }
+
+
+def _budgets(about: About) -> dict[str, dict[str, int]]:
+    quick = about.decisions * about.hold
+    return {
+        "smoke": {"steps": 3200 * about.hold, "seeds": 1, "deadline": 300, "checkpoints": 1, "random_starts": 0},
+        "quick": {"steps": quick, "seeds": 2, "deadline": 600, "checkpoints": 10, "random_starts": 200},
+        "paper": {"steps": 4 * quick, "seeds": 10, "deadline": 3600},
+    }
 
 
 @cache

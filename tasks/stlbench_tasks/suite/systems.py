@@ -34,6 +34,8 @@ class About:
     """The greatest acceleration of a point."""
     hold: int = 5
     """Steps for which an action is held."""
+    decisions: int = 160_000
+    """In a training with the budget `quick`: about 10 CPU seconds."""
     points: tuple[tuple[str, ...], ...] = (("x", "y"),)
     """The signals of each point that regions are about."""
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -168,6 +170,7 @@ class Quadrotor(SuiteSystem):
         points=(("x", "z"),),
         always="abs(tilt) <= 1",
         hold=2,
+        decisions=240_000,
         pace=0.6,
         settle=2.0,
         top=0.1 * (2 * _GRAVITY + 4),
@@ -206,6 +209,7 @@ class CartPendulum(SuiteSystem):
         spread={"angle": (-0.05, 0.05)},
         always="abs(angle) <= 0.5",
         hold=1,
+        decisions=240_000,
         pace=0.6,
         settle=2.0,
         top=0.4,
