@@ -79,9 +79,10 @@ def upper_bound(task: Task, system: type[SuiteSystem]) -> float:
         read = set(stl.signals(window.psi))
         moving = [names for names in system.about.points if not read.isdisjoint(names)]
         most = np.full((len(begun), steps + 1), stl.bounds(window.psi, box, tolerance=1e-3, nodes=500).high)
+        at_start = stl.margin(window.psi, task.signals)(signals)
         if read == set().union(*moving):
-            at_start = stl.margin(window.psi, task.signals)(signals)[:, None]
-            most = np.minimum(most, at_start + len(moving) * way)
+            most = np.minimum(most, at_start[:, None] + len(moving) * way)
+        most[:, 0] = at_start
         traces.append(most)
         return stl.parse(f"p{len(traces)} >= 0")
 

@@ -141,7 +141,7 @@ def _template(template: str, words: dict[str, str]) -> str:
     return Template(source).substitute(words)
 
 
-Kind = Literal["method", "task", "agent", "executor", "log"]
+Kind = Literal["method", "task", "agent", "executor", "log", "suite"]
 
 
 def check(
@@ -153,7 +153,7 @@ def check(
         str | None, typer.Option(metavar="TASK", help="On which to check a method.", show_default="small formulas")
     ] = None,
 ) -> None:
-    """Check that a method, task, agent, executor or log keeps the rules of its contract.
+    """Check that a method, task, agent, executor, log or suite keeps the rules of its contract.
 
     One line for each rule that is kept, up to the first that is broken. The exit code is 1 where a rule is broken, 2
     for bad input or a plugin that refuses what it is checked on, otherwise 0. That a reward is the right one, or that

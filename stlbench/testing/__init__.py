@@ -15,6 +15,16 @@ from stlbench.testing.executors import check_executor
 from stlbench.testing.logs import check_log
 from stlbench.testing.methods import check_method
 from stlbench.testing.rules import RuleBroken, Rules
+from stlbench.testing.suites import check_suite
 from stlbench.testing.tasks import check_task
 
-__all__ = ["RuleBroken", "Rules", "check_agent", "check_executor", "check_log", "check_method", "check_task"]
+__all__ = [
+    "RuleBroken",
+    "Rules",
+    "check_agent",
+    "check_executor",
+    "check_log",
+    "check_method",
+    "check_suite",
+    "check_task",
+]

@@ -10,6 +10,7 @@ from stlbench.registry import folders, plugins, suites
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import revision
 from stlbench.task import load_task
+from stlbench.testing import check_suite
 
 NAME = "suite-unicycle-reach-stay-1"
 
@@ -41,6 +42,11 @@ def test_what_names_no_task(address: str, message: str) -> None:
     with pytest.raises(UsageError) as error:
         load_task(address)
     assert str(error.value).startswith(message)
+
+
+def test_it_keeps_the_contract() -> None:
+    """Its names and splits, and the first task of dev, core and hard."""
+    check_suite("suite")
 
 
 def test_the_plugin_of_a_task() -> None:
