@@ -22,7 +22,7 @@ def test_the_bits_of_a_part_are_those_of_its_revision(part: str) -> None:
 
 
 def test_each_part_of_the_distribution_has_a_revision() -> None:
-    kinds = ("agents", "methods", "tasks")
+    kinds = ("agents", "methods", "suites", "tasks")
     own = {
         f"{kind}.{name}"
         for kind in kinds
