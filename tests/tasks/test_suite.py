@@ -18,9 +18,10 @@ from stlbench.rollout.held import replay
 from stlbench.task import Task, fitting_methods, load_task
 from stlbench.task.task import agent_for
 from stlbench_tasks.suite import FormulaSuite, templates
+from stlbench_tasks.suite.about import SuiteSystem
 from stlbench_tasks.suite.formulas import Candidate, fits
 from stlbench_tasks.suite.scene import Cramped, Disc, Draw, Scene
-from stlbench_tasks.suite.systems import SYSTEMS, Arm, Integrator, Pair, SuiteSystem
+from stlbench_tasks.suite.systems import SYSTEMS, Arm, Integrator, Pair
 
 SUITE = FormulaSuite()
 QUICK = SUITE.splits["quick"]

@@ -12,8 +12,9 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Integers, Suite, SuiteTask
+from stlbench_tasks.suite.about import About
 from stlbench_tasks.suite.scene import DT, Draw, Level, Scene
-from stlbench_tasks.suite.systems import SYSTEMS, About
+from stlbench_tasks.suite.systems import SYSTEMS
 from stlbench_tasks.suite.templates import (
     TEMPLATES,
     avoid_reach,

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from stlbench_tasks.suite.systems import About, Arm, Place, SuiteSystem
+from stlbench_tasks.suite.about import About, Place, SuiteSystem
+from stlbench_tasks.suite.systems import Arm
 
 Level = Literal["usual", "hard"]
 

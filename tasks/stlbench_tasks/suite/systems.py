@@ -3,76 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import pi
-from typing import ClassVar
 
 import numpy as np
 
-from stlbench.contract import Array, Integers, System
+from stlbench.contract import Array
+from stlbench_tasks.suite.about import ROOM, About, Place, SuiteSystem, scaled
 
-Place = tuple[float, float]
-_ROOM = (0.0, 6.0, "m")
 _GRAVITY = 9.81
-
-
-@dataclass(frozen=True, kw_only=True)
-class About:
-    """What formulas are drawn by. Points move in a room of 6 m, a square or a line."""
-
-    ranges: Mapping[str, tuple[float, float, str]]
-    """Signal -> the ends of its range and its unit."""
-    axes: Mapping[str, tuple[float, float, int, str]]
-    """Action -> its ends, the count of its values and its unit."""
-    pace: float
-    """Metres a second at which a point gets on, from which deadlines are made."""
-    settle: float
-    """Seconds that a way takes beyond that, to turn or to brake."""
-    top: float
-    """The greatest speed of a point at the start and without `push`, in metres a second; for upper bounds."""
-    push: float = 0.0
-    """The greatest acceleration of a point."""
-    hold: int = 5
-    """Steps for which an action is held."""
-    decisions: int = 160_000
-    """In a training with the budget `quick`: about 10 CPU seconds."""
-    points: tuple[tuple[str, ...], ...] = (("x", "y"),)
-    """The signals of each point that regions are about."""
-    spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """State -> the ends of its starts, where it is no coordinate of a point; 0 where left out."""
-    robots: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    always: str = ""
-    """What has to hold all the time, beside the formula."""
-
-    def farthest(self, seconds: Array) -> Array:
-        """Metres that a point can be away from its start after so many seconds, at most."""
-        return self.top * seconds + self.push * seconds**2 / 2
-
-
-class SuiteSystem(System):
-    """A system on which formulas are drawn."""
-
-    about: ClassVar[About]
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """The state alone; on the track `auto` the formula's view stands beside it."""
-        return self.scaled_state(state)
-
-    @classmethod
-    def begin(cls, places: tuple[Place, ...]) -> dict[str, tuple[float, float]]:
-        """The box of initial states: the points up to 0.4 m from these places along each axis."""
-        about = cls.about
-        pairs = [
-            pair for names, place in zip(about.points, places, strict=True) for pair in zip(names, place, strict=False)
-        ]
-        around = {name: (round(at - 0.4, 4), round(at + 0.4, 4)) for name, at in pairs}
-        return {name: around.get(name) or about.spread.get(name, (0.0, 0.0)) for name in cls.state}
-
-
-def _scaled(values: Array) -> Array:
-    """Metres in the room from -1 to 1."""
-    scaled: Array = (values - 3) / 3
-    return scaled
 
 
 class Integrator(SuiteSystem):
@@ -80,7 +18,7 @@ class Integrator(SuiteSystem):
 
     state = ("x", "y")
     about = About(
-        ranges={"x": _ROOM, "y": _ROOM},
+        ranges={"x": ROOM, "y": ROOM},
         axes={"vx": (-1.0, 1.0, 5, "m/s"), "vy": (-1.0, 1.0, 5, "m/s")},
         pace=0.9,
         settle=0.5,
@@ -97,7 +35,7 @@ class Integrator(SuiteSystem):
 
     def scaled_state(self, state: Array) -> Array:
         """The place: (N, 2) -> (N, 2)."""
-        return _scaled(state)
+        return scaled(state)
 
 
 class DoubleIntegrator(SuiteSystem):
@@ -105,7 +43,7 @@ class DoubleIntegrator(SuiteSystem):
 
     state = ("x", "y", "vx", "vy")
     about = About(
-        ranges={"x": _ROOM, "y": _ROOM, "vx": (-2.0, 2.0, "m/s"), "vy": (-2.0, 2.0, "m/s")},
+        ranges={"x": ROOM, "y": ROOM, "vx": (-2.0, 2.0, "m/s"), "vy": (-2.0, 2.0, "m/s")},
         axes={"ux": (-1.0, 1.0, 5, "m/s^2"), "uy": (-1.0, 1.0, 5, "m/s^2")},
         pace=0.7,
         settle=1.5,
@@ -125,7 +63,7 @@ class DoubleIntegrator(SuiteSystem):
 
     def scaled_state(self, state: Array) -> Array:
         """The place, and the velocity over 2 m/s: (N, 4) -> (N, 4)."""
-        return np.concatenate([_scaled(state[:, :2]), state[:, 2:] / 2], axis=1)
+        return np.concatenate([scaled(state[:, :2]), state[:, 2:] / 2], axis=1)
 
 
 class Unicycle(SuiteSystem):
@@ -133,7 +71,7 @@ class Unicycle(SuiteSystem):
 
     state = ("x", "y", "heading")
     about = About(
-        ranges={"x": _ROOM, "y": _ROOM},
+        ranges={"x": ROOM, "y": ROOM},
         axes={"v": (-1.0, 1.0, 5, "m/s"), "omega": (-1.5, 1.5, 7, "rad/s")},
         spread={"heading": (-pi, pi)},
         pace=0.8,
@@ -154,7 +92,7 @@ class Unicycle(SuiteSystem):
     def scaled_state(self, state: Array) -> Array:
         """The place, the heading's cosine and sine: (N, 3) -> (N, 4)."""
         heading = state[:, 2:]
-        return np.concatenate([_scaled(state[:, :2]), np.cos(heading), np.sin(heading)], axis=1)
+        return np.concatenate([scaled(state[:, :2]), np.cos(heading), np.sin(heading)], axis=1)
 
 
 class Quadrotor(SuiteSystem):
@@ -165,7 +103,7 @@ class Quadrotor(SuiteSystem):
 
     state = ("x", "z", "vx", "vz", "tilt", "rate")
     about = About(
-        ranges={"x": _ROOM, "z": _ROOM, "tilt": (-1.5, 1.5, "rad")},
+        ranges={"x": ROOM, "z": ROOM, "tilt": (-1.5, 1.5, "rad")},
         axes={"thrust": (_GRAVITY - 4, _GRAVITY + 4, 5, "m/s^2"), "turn": (-4.0, 4.0, 5, "rad/s^2")},
         points=(("x", "z"),),
         always="abs(tilt) <= 1",
@@ -192,7 +130,7 @@ class Quadrotor(SuiteSystem):
 
     def scaled_state(self, state: Array) -> Array:
         """The place, velocities over 2 m/s, tilt and rate over 1: (N, 6) -> (N, 6)."""
-        return np.concatenate([_scaled(state[:, :2]), state[:, 2:4] / 2, state[:, 4:]], axis=1)
+        return np.concatenate([scaled(state[:, :2]), state[:, 2:4] / 2, state[:, 4:]], axis=1)
 
 
 class CartPendulum(SuiteSystem):
@@ -203,7 +141,7 @@ class CartPendulum(SuiteSystem):
 
     state = ("x", "v", "angle", "rate")
     about = About(
-        ranges={"x": _ROOM, "angle": (-1.0, 1.0, "rad")},
+        ranges={"x": ROOM, "angle": (-1.0, 1.0, "rad")},
         axes={"u": (-4.0, 4.0, 9, "m/s^2")},
         points=(("x",),),
         spread={"angle": (-0.05, 0.05)},
@@ -230,7 +168,7 @@ class CartPendulum(SuiteSystem):
 
     def scaled_state(self, state: Array) -> Array:
         """The place, the velocity over 2 m/s, the angle over 0.5 rad, its rate over 1 rad/s: (N, 4) -> (N, 4)."""
-        return np.stack([_scaled(state[:, 0]), state[:, 1] / 2, 2 * state[:, 2], state[:, 3]], axis=1)
+        return np.stack([scaled(state[:, 0]), state[:, 1] / 2, 2 * state[:, 2], state[:, 3]], axis=1)
 
 
 class Arm(SuiteSystem):
@@ -242,7 +180,7 @@ class Arm(SuiteSystem):
     state = ("q1", "q2", "q3")
     links = np.array([1.4, 1.1, 0.8])
     about = About(
-        ranges={"x": _ROOM, "y": _ROOM},
+        ranges={"x": ROOM, "y": ROOM},
         axes={name: (-1.0, 1.0, 5, "rad/s") for name in ("w1", "w2", "w3")},
         pace=0.9,
         settle=1.0,
@@ -284,7 +222,7 @@ class Pair(SuiteSystem):
 
     state = ("ax", "ay", "bx", "by")
     about = About(
-        ranges={name: _ROOM for name in state},
+        ranges={name: ROOM for name in state},
         axes={name: (-1.0, 1.0, 5, "m/s") for name in ("va_x", "va_y", "vb_x", "vb_y")},
         robots={"a": ("va_x", "va_y"), "b": ("vb_x", "vb_y")},
         points=(("ax", "ay"), ("bx", "by")),
@@ -304,7 +242,7 @@ class Pair(SuiteSystem):
 
     def scaled_state(self, state: Array) -> Array:
         """The places: (N, 4) -> (N, 4)."""
-        return _scaled(state)
+        return scaled(state)
 
 
 SYSTEMS: Mapping[str, type[SuiteSystem]] = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate, pairwise, permutations
 
+from stlbench_tasks.suite.about import Place
 from stlbench_tasks.suite.scene import Disc, Scene
-from stlbench_tasks.suite.systems import Place
 
 
 def reach(scene: Scene) -> str:
