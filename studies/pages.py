@@ -280,13 +280,8 @@ def suite() -> str:
         gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
         why = sum((Counter(refused.get(pair, {})) for pair in pairs), Counter[str]())
         whole += why + Counter(dict(zip(SYSTEMS, counts, strict=True)))
-        form = (
-            (TEMPLATES[template].__doc__ or "")
-            .partition(": ")[2]
-            .partition(", with")[0]
-            .partition(", for each")[0]
-            .removesuffix(".")
-        )
+        form = (TEMPLATES[template].__doc__ or "").partition(": ")[2].partition(", with")[0].partition(", for each")[0]
+        form = form if form.endswith("...") else form.removesuffix(".")
         text = [f"`{template}`", f"`{form}`".replace("|", "\\|")]
         body.append([*text, *counts, sum(counts), f"{100 * gap:.0f} %", *(why[kind] for kind in REFUSED)])
     rows = [row for each in accepted.values() for row in each]
