@@ -29,7 +29,12 @@ def solve(
     ] = None,
     minutes: Annotated[float, typer.Option(metavar="M", help="About how long it may take.")] = 10.0,
     into: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of everything.", show_default="solved/ENVIRONMENT")
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of everything.",
+            show_default="solved/ENVIRONMENT, with a number for each further formula",
+        ),
     ] = None,
     confidence: Annotated[float, typer.Option(metavar="C", help="Of the certificate.")] = 0.95,
     time: Annotated[

@@ -107,7 +107,7 @@ def pose(problem: Problem, folder: Path) -> Posed:
     asked, home = folder / _ASKED, folder / TASK.name
     if asked.is_file():
         state = json.loads(asked.read_text(encoding="utf-8"))
-        if state["problem"] != asdict(problem):
+        if not is_of(problem, folder):
             raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
         folders.know(home, instead=True)
         return Posed(folder, tuple(state["notes"]), state["episode_seconds"])
@@ -123,6 +123,12 @@ def pose(problem: Problem, folder: Path) -> Posed:
     state = {"problem": asdict(problem), "notes": notes, "episode_seconds": seconds}
     write(asked, json.dumps(state, indent=1))
     return Posed(folder, tuple(notes), seconds)
+
+
+def is_of(problem: Problem, folder: Path) -> bool:
+    """Whether `solve` worked on this problem in this folder."""
+    asked = folder / _ASKED
+    return asked.is_file() and bool(json.loads(asked.read_text(encoding="utf-8"))["problem"] == asdict(problem))
 
 
 def _shown(problem: Mapping[str, Any]) -> str:

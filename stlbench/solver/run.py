@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +16,7 @@ from stlbench.records.result import Result
 from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
 from stlbench.solver.deliver import Delivery, sentence
-from stlbench.solver.problem import Problem, pose
+from stlbench.solver.problem import Problem, is_of, pose
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
 from stlbench.study.live_cells import duration
@@ -48,7 +49,7 @@ def solve(
         signals: signal -> expression over the entries of the observation, {"theta": "atan2(y, x)"}. `obs[0]`, or the
             number 0, is the first entry, and `obs[key][0]` the first of a Dict. Entries are signals by their own names.
         minutes: about how long it may take.
-        into: the folder; "solved/" and the environment's name if None.
+        into: the folder. If None, "solved/" and the environment's name, with a number where another problem is there.
         confidence: of the certificate, in (0, 1).
         time: unit of the formula's intervals; steps, or what the task says, if None.
         terminated: what it means that the environment ends an episode early, as in a task file; by the formula if None.
@@ -66,9 +67,6 @@ def solve(
     if ":" in identifier:
         from_here()
     texts = {name: f"obs[{text}]" if isinstance(text, int) else text for name, text in (signals or {}).items()}
-    folder = (
-        Path(into) if into is not None else Path("solved") / re.sub(r"[^a-z0-9]+", "-", identifier.lower()).strip("-")
-    )
     clock, screen = Clock(minutes), Progress()
 
     def note(text: str) -> None:
@@ -79,7 +77,8 @@ def solve(
         note(f"== {text}; {duration(clock.left)} left" if clock.left else f"== {text}")
 
     problem = Problem(identifier, formula, texts, time, terminated, keywords)
-    say(f"understanding {identifier}")
+    folder = Path(into) if into is not None else _folder(problem)
+    say(f"understanding {identifier}, in {folder}")
     posed = pose(problem, folder)
     for line in posed.notes:
         note(line)
@@ -92,6 +91,13 @@ def solve(
     solution = Solution.load(folder, run_code=True)  # the task is the user's own
     note(sentence(solution.certificate))
     return solution
+
+
+def _folder(problem: Problem) -> Path:
+    """The folder of this problem in `solved`, or the first that is free."""
+    name = re.sub(r"[^a-z0-9]+", "-", problem.environment.lower()).strip("-")
+    folders = (Path("solved") / (f"{name}-{number}" if number > 1 else name) for number in count(1))
+    return next(folder for folder in folders if not folder.exists() or is_of(problem, folder))
 
 
 def _identified(environment: str | gymnasium.Env[Any, Any]) -> tuple[str, dict[str, Any]]:

@@ -19,6 +19,7 @@ from stlbench.errors import UsageError
 from stlbench.rollout import referee
 from stlbench.solver.problem import Problem, pose
 from stlbench.solver.race import Clock, Trainer, contestants, rank
+from stlbench.solver.run import _folder
 from stlbench.solver.solution import Solution
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
@@ -178,6 +179,13 @@ def test_another_problem_needs_another_folder() -> None:
     pose(Problem("CartPole-v1", FORMULA), Path("out"))
     with pytest.raises(UsageError, match="out has another problem, CartPole-v1 G"):
         pose(Problem("CartPole-v1", "G[0,20] abs(x) <= 1"), Path("out"))
+
+
+def test_each_problem_has_a_folder_of_its_own() -> None:
+    first, second = Problem("CartPole-v1", FORMULA), Problem("CartPole-v1", "G[0,20] abs(x) <= 1")
+    pose(first, _folder(first))
+    assert _folder(first) == Path("solved/cartpole-v1")
+    assert _folder(second) == Path("solved/cartpole-v1-2")
 
 
 def test_other_minutes_have_other_budgets() -> None:
