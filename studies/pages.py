@@ -120,33 +120,43 @@ def tracks() -> str:
 
 
 def auto() -> str:
-    """One row per task: what is learned on the track `auto`, beside the recipes by hand; CPU seconds of both."""
-    by_rules = {(row["task"], row["method"]): row for row in recorded.table("auto", "robustness")}
-    by_hand, cells = learned_by("shared"), (recorded.table("auto", "cells"), rows("cells"))
+    """One row per task of the paper: what is learned on the track `auto`, beside the recipes by hand; CPU seconds."""
+    return _beside("auto", learned_by("shared"), rows("cells"), ("funnel", "raw"))
+
+
+def auto_field() -> str:
+    """The same for tasks from the field. A method without a seed there is unsuitable."""
+    by_hand = {
+        (task, method): row for (task, agent, method), row in field_rows().items() if not agent.startswith("sb3")
+    }
+    return _beside("auto-field", by_hand, recorded.table("field", "cells"), ("funnel", "raw", "flag"))
+
+
+def _beside(
+    folder: str, by_hand: Mapping[tuple[str, str], Row], hand_cells: Sequence[Row], methods: tuple[str, ...]
+) -> str:
+    by_rules = {(row["task"], row["method"]): row for row in recorded.table(folder, "robustness")}
+    cells = (recorded.table(folder, "cells"), hand_cells)
     body = []
     for task in dict.fromkeys(task for task, _ in by_rules):
-        pairs = [(by_rules.get((task, method)), by_hand.get((task, method))) for method in AUTO]
+        pairs = [(by_rules.get((task, method)), by_hand.get((task, method))) for method in methods]
         settings = zip(*pairs, strict=True)
         times = [f"{_training(own, of):.0f} s" for own, of in zip(settings, cells, strict=True)]
         body.append([f"`{task}`", *(_counts(row) for pair in pairs for row in pair), *times])
-    methods = [f"`{method}` {how}" for method in AUTO for how in ("by rules", "by hand")]
-    return table(["task", *methods, "CPU by rules", "CPU by hand"], body, right=0)
+    columns = [f"`{method}` {how}" for method in methods for how in ("by rules", "by hand")]
+    return table(["task", *columns, "CPU by rules", "CPU by hand"], body, right=0)
 
 
 def _counts(row: Row | None) -> str:
     """ "0.396; 9, 8 of 10": median, and the seeds that learned the task with the selected and the final policy."""
-    if row is None:
+    if row is None or row["seeds done"] == "0":
         return ""
     return f"{number(row['median robustness'])}; {row['learned']}, {row['final learned']} of {row['seeds done']}"
 
 
-AUTO = ("funnel", "raw")
-"""Methods of the study of the track `auto`."""
-
-
 def _training(settings: Iterable[Row | None], cells: Sequence[Row]) -> float:
     """The mean CPU seconds of training of the cells that belong to the settings."""
-    own = [cell for setting in settings if setting for cell in of_setting(cells, setting)]
+    own = [cell for setting in settings if setting for cell in of_setting(cells, setting) if cell["status"] == "done"]
     return sum(float(cell["training_cpu_seconds"]) for cell in own) / len(own)
 
 
@@ -330,7 +340,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-tuned": lambda: whole(survey.tuned()),
         "survey-planned": lambda: whole(survey.planned()),
     },
-    "docs/explanation/auto.md": {"auto": auto},
+    "docs/explanation/auto.md": {"auto": auto, "auto-field": auto_field},
     "docs/explanation/suite.md": {"suite": suite},
     "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
     "docs/performance-tables.md": {"cost": cost},
