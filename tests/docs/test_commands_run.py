@@ -20,6 +20,7 @@ NOT_RUN = {
     "dask scheduler": "serves a cluster until it is stopped",
     "sbatch": "needs Slurm",
     "tensorboard": "is another program, which serves until it is stopped",
+    "docker": "needs Docker; tests/test_container.py checks the files",
     "git": "changes a repository; the commands of stlbench beside it run",
     "python studies/paper_figures.py": "draws policies that are not in the repository",
     "python -m pytest plugins/example": "tests/test_example_plugin.py runs these tests",
