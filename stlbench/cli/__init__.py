@@ -1,4 +1,4 @@
-"""The command line: one module a command. Nothing heavy is imported before a command needs it."""
+"""The command line: each command has a module, which is imported when the command is called."""
 
 from __future__ import annotations
 
@@ -8,68 +8,55 @@ from typing import Annotated
 import typer
 
 from stlbench import __version__
-from stlbench.cli.advise import advise
 from stlbench.cli.common import Commands, refuse
-from stlbench.cli.develop import check, new
-from stlbench.cli.draw import plot, render
-from stlbench.cli.gate import compare, gate
-from stlbench.cli.monitor import monitor
-from stlbench.cli.report import report
-from stlbench.cli.results import app as results
-from stlbench.cli.run import plan, run
-from stlbench.cli.score import score
-from stlbench.cli.search import certify, falsify
-from stlbench.cli.share import bundle, export, export_policy, verify
-from stlbench.cli.show import app as show
-from stlbench.cli.show import list_plugins
-from stlbench.cli.solve import solve
-from stlbench.cli.suite import app as suite
-from stlbench.cli.tune import tune
-from stlbench.cli.watch import watch
 from stlbench.errors import foreign
 
 __all__ = ["app", "main"]
-app = typer.Typer(
-    name="stlbench",
-    cls=Commands,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    invoke_without_command=True,
-)
-TRAIN, LOOK, POLICIES, SHARE, DEVELOP = "Train", "Look", "Policies", "Share", "Develop"
-"""The groups of commands, as `stlbench --help` has them."""
 
-app.command("solve", rich_help_panel=TRAIN, short_help="From an environment and a formula to a certified policy.")(
-    solve
+
+class _App(Commands):
+    groups = {  # noqa: RUF012
+        "Train": {
+            "solve": ("solve.solve", "From an environment and a formula to a certified policy."),
+            "run": ("run.run", "Train and score methods on tasks, and compare them."),
+            "plan": ("run.plan", "Plan, without training, what each reward of a task asks for."),
+            "tune": ("tune.tune", "Find a recipe for each method, with equal trials."),
+            "watch": ("watch.watch", "Show what runs now, from another terminal."),
+        },
+        "Look": {
+            "list": ("show.list_plugins", "List methods, tasks, agents, executors or logs."),
+            "show": ("show.app", "Show one thing in full, such as a task."),
+            "suite": ("suite.app", "List, show and draw generated tasks."),
+            "advise": ("advise.advise", "Say which reward methods fit a task."),
+            "report": ("report.report", "Write tables, figures or a page of results."),
+            "plot": ("draw.plot", "Draw learning curves, robustness and trajectories."),
+            "render": ("draw.render", "Film the best and the worst start of a cell."),
+        },
+        "Policies": {
+            "score": ("score.score", "Score a policy from a function, a file or a cell."),
+            "falsify": ("search.falsify", "Search for a start from which a policy fails."),
+            "certify": ("search.certify", "Bound the probability that a policy satisfies."),
+            "monitor": ("monitor.monitor", "Evaluate a formula on a recorded trace."),
+            "export-policy": ("share.export_policy", "Write a stored policy as an ONNX file."),
+        },
+        "Share": {
+            "bundle": ("share.bundle", "Pack results into one file with checksums."),
+            "verify": ("share.verify", "Check that a folder or bundle of results is whole."),
+            "export": ("share.export", "Write results for other programs."),
+            "results": ("results.app", "Remove cells from a folder of results, or merge folders."),
+        },
+        "Develop": {
+            "new": ("develop.new", "Write the files of a new method, task or agent."),
+            "check": ("develop.check", "Check a plugin against its contract."),
+            "compare": ("gate.compare", "Say whether new results are worse than old ones."),
+            "gate": ("gate.gate", "Measure a reference again: is it worse?"),
+        },
+    }
+
+
+app = typer.Typer(
+    name="stlbench", cls=_App, rich_markup_mode=None, pretty_exceptions_enable=False, invoke_without_command=True
 )
-app.command("run", rich_help_panel=TRAIN, short_help="Train and score methods on tasks, and compare them.")(run)
-app.command("plan", rich_help_panel=TRAIN, short_help="Plan, without training, what each reward of a task asks for.")(
-    plan
-)
-app.command("tune", rich_help_panel=TRAIN, short_help="Find a recipe for each method, with equal trials.")(tune)
-app.command("watch", rich_help_panel=TRAIN, short_help="Show what runs now, from another terminal.")(watch)
-app.command("list", rich_help_panel=LOOK, short_help="List methods, tasks, agents, executors or logs.")(list_plugins)
-app.add_typer(show, name="show", rich_help_panel=LOOK)
-app.add_typer(suite, name="suite", rich_help_panel=LOOK)
-app.command("advise", rich_help_panel=LOOK, short_help="Say which reward methods fit a task.")(advise)
-app.command("report", rich_help_panel=LOOK, short_help="Write tables, figures or a page of results.")(report)
-app.command("plot", rich_help_panel=LOOK, short_help="Draw learning curves, robustness and trajectories.")(plot)
-app.command("render", rich_help_panel=LOOK, short_help="Film the best and the worst start of a cell.")(render)
-app.command("score", rich_help_panel=POLICIES, short_help="Score a policy from a function, a file or a cell.")(score)
-app.command("falsify", rich_help_panel=POLICIES, short_help="Search for a start from which a policy fails.")(falsify)
-app.command("certify", rich_help_panel=POLICIES, short_help="Bound the probability that a policy satisfies.")(certify)
-app.command("monitor", rich_help_panel=POLICIES, short_help="Evaluate a formula on a recorded trace.")(monitor)
-app.command("export-policy", rich_help_panel=POLICIES, short_help="Write a stored policy as an ONNX file.")(
-    export_policy
-)
-app.command("bundle", rich_help_panel=SHARE, short_help="Pack results into one file with checksums.")(bundle)
-app.command("verify", rich_help_panel=SHARE, short_help="Check that a folder or bundle of results is whole.")(verify)
-app.command("export", rich_help_panel=SHARE, short_help="Write results for other programs.")(export)
-app.add_typer(results, name="results", rich_help_panel=SHARE)
-app.command("new", rich_help_panel=DEVELOP, short_help="Write the files of a new method, task or agent.")(new)
-app.command("check", rich_help_panel=DEVELOP, short_help="Check a plugin against its contract.")(check)
-app.command("compare", rich_help_panel=DEVELOP, short_help="Say whether new results are worse than old ones.")(compare)
-app.command("gate", rich_help_panel=DEVELOP, short_help="Measure a reference again: is it worse?")(gate)
 
 
 def _version(wanted: bool) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -18,9 +18,13 @@ from rich.text import Text
 from stlbench.cli.common import warn
 from stlbench.cli.options import Architecture, Budget, From, Method, On, OwnActions, Which, declare
 from stlbench.errors import UsageError, one_line
-
-if TYPE_CHECKING:
-    from stlbench.search.actor import Actor
+from stlbench.registry.choices import parse_choice
+from stlbench.registry.folders import parse_tasks, task_of
+from stlbench.search.actor import Actor, Unsearchable, foreign, of_cell, of_controller, of_policy
+from stlbench.share.scoring import UNKNOWN, Shown, play
+from stlbench.share.source import find_source
+from stlbench.study.results import Results
+from stlbench.task import load_task
 
 T = TypeVar("T")
 
@@ -70,10 +74,6 @@ class Chosen:
 
     @staticmethod
     def _by_hand(controllers: str) -> list[Actor]:
-        from stlbench.registry.folders import parse_tasks
-        from stlbench.search.actor import foreign, of_controller
-        from stlbench.task import load_task
-
         actors = []
         for task in parse_tasks(controllers):
             with foreign(f"{task}, by hand"):
@@ -81,13 +81,6 @@ class Chosen:
         return actors
 
     def _from_outside(self, task_name: str) -> list[Actor]:
-        from stlbench.registry.choices import parse_choice
-        from stlbench.registry.folders import task_of
-        from stlbench.search.actor import foreign, of_policy
-        from stlbench.share.scoring import UNKNOWN, Shown, play
-        from stlbench.share.source import find_source
-        from stlbench.task import load_task
-
         if not self.policies:
             raise UsageError("--task needs a policy: module:function, or a file .zip (SB3) or .onnx")
         shown = Shown(self.on or "observation", UNKNOWN if self.method is None else parse_choice(self.method))
@@ -107,9 +100,6 @@ class Chosen:
 
     def _stored(self) -> list[Actor]:
         """The policies of the named cells, or of all cells with one."""
-        from stlbench.search.actor import of_cell
-        from stlbench.study.results import Results
-
         results = Results.load(self.results)
         if self.policies:
             return [of_cell(results.folder, results.cell(name, self.budget), self.which) for name in self.policies]
@@ -151,8 +141,6 @@ def one_by_one(
     Of several actors, one that cannot be searched is left out with a line on stderr, and the exit code is 2. Each takes
     at most so many `episodes`. `search` gets an actor and a function for its progress, `line` is a result in short.
     """
-    from stlbench.search.actor import Unsearchable
-
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     results, interrupted, refused = list[T](), False, False

@@ -11,10 +11,11 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, redirect_stdout, suppress
+from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Annotated, Any, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -23,7 +24,7 @@ from stlbench.errors import NO_SPACE, DiskFull, UsageError, cause, in_words, one
 from stlbench.registry import exits
 from stlbench.registry.exits import exits_raise
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # `stlbench --help` needs none of it
     from rich.console import Console
 
     from stlbench.report import Table
@@ -36,6 +37,17 @@ _OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)
 
 class Commands(TyperGroup):
     """All commands. An error of the user is one line on stderr and exit code 2; a bug has its traceback."""
+
+    groups: ClassVar[Mapping[str, Mapping[str, tuple[str, str]]]]
+    """Group -> command -> its function or its Typer, as module.name in this package, and what it does."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        places = {name: place for group in self.groups.values() for name, (place, _) in group.items()}
+        self.commands: Any = _Loaded(places)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(self.commands)
 
     def main(
         self,
@@ -76,17 +88,9 @@ class Commands(TyperGroup):
         return code
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        groups = dict[str, list[tuple[str, str]]]()
-        shown = [(name, command) for name, command in self.commands.items() if not command.hidden]
-        room = formatter.width - 6 - max(len(name) for name, _ in shown)
-        for name, command in shown:
-            group = getattr(command, "rich_help_panel", None)
-            groups.setdefault(group if isinstance(group, str) else "Commands", []).append(
-                (name, command.get_short_help_str(room))
-            )
-        for group, rows in groups.items():
+        for group, commands in self.groups.items():
             with formatter.section(group):
-                formatter.write_dl(rows, col_max=20)
+                formatter.write_dl([(name, text) for name, (_, text) in commands.items()], col_max=20)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command, and end quietly if the reader of stdout has gone, as `head` does.
@@ -106,6 +110,28 @@ class Commands(TyperGroup):
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left in the buffer goes nowhere
             raise typer.Exit(128 + 13) from None  # what a shell says of a command that SIGPIPE stopped
+
+
+class _Loaded(Mapping[str, Any]):
+    """The commands by name. The module of a command is imported when the command is asked for."""
+
+    def __init__(self, places: Mapping[str, str]) -> None:
+        self._places = places
+
+    def __getitem__(self, name: str) -> Any:
+        module, _, attribute = self._places[name].partition(".")
+        command = getattr(import_module(f"stlbench.cli.{module}"), attribute)
+        if isinstance(command, typer.Typer):
+            return typer.main.get_group(command)
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command(name)(command)
+        return typer.main.get_command(alone)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
 
 
 def _open_standard_streams() -> None:
@@ -207,6 +233,16 @@ def show(as_json: bool, facts: Any, text: Iterable[str | Table]) -> None:
             typer.echo(part)
         else:
             to_screen(part, out)
+
+
+def table(title: str, rows: Sequence[Mapping[str, Any]], *notes: str) -> Table:
+    """A table of facts: rows name their columns. Numbers are on the right, as in the first row that has the column."""
+    from stlbench.report import Column, Table
+
+    first = {name: value for row in reversed(rows) for name, value in row.items()}
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    columns = tuple(Column(name, right=isinstance(first[name], int | float)) for name in names)
+    return Table(title, columns, tuple(tuple(row.get(name) for name in names) for row in rows), notes)
 
 
 def console() -> Console:

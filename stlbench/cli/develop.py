@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import re
+import traceback
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
+from stlbench import testing
 from stlbench.cli.common import warn
+from stlbench.contract import Intractable, Unsuitable, cause
 from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from stlbench.registry.plugins import Plugin
-    from stlbench.testing import Rules
-
+from stlbench.registry import folders, plugins
+from stlbench.registry.choices import executor_of
+from stlbench.registry.plugins import Plugin
+from stlbench.rollout.faults import PluginFault
+from stlbench.task.gym_sketch import sketch
+from stlbench.testing import RuleBroken, Rules
 
 Made = Literal["method", "task", "agent"]
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -103,16 +108,12 @@ def new(
 def _sketched(environment: str) -> dict[str, str]:
     import yaml
 
-    from stlbench.task.gym_sketch import sketch
-
     content = sketch(environment)
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
     return {"task.yaml": f"{_SEEN}{text}" if "scale" in content["environment"] else text}
 
 
 def _check_name(kind: Made, name: str) -> None:
-    from stlbench.registry import plugins
-
     if not _NAME.fullmatch(name):
         raise UsageError(f"'{name}': a name begins with a-z and has a-z and 0-9, with single - between them")
     if known := plugins.available(f"{kind}s").get(name):
@@ -165,11 +166,6 @@ def check(
       stlbench check "verdict[pay=end]" --task reach-stay
       stlbench check ./my-task
     """
-    from stlbench import testing
-    from stlbench.contract import Intractable, Unsuitable
-    from stlbench.rollout.faults import PluginFault
-    from stlbench.testing import RuleBroken, Rules
-
     plugin, rules = _plugin_of(name, kind), Rules()
     if task is not None and plugin.kind != "methods":
         raise UsageError(f"--task is for a method, and {plugin} is none")
@@ -197,9 +193,6 @@ def check(
 
 
 def _plugin_of(name: str, kind: Kind | None) -> Plugin:
-    from stlbench.registry import folders, plugins
-    from stlbench.registry.choices import executor_of
-
     if folders.is_path(name.partition("[")[0]):
         if kind not in (None, "task"):
             raise UsageError(f"{name}: only a task can be a folder")
@@ -215,10 +208,6 @@ def _plugin_of(name: str, kind: Kind | None) -> Plugin:
 
 def _nearest(name: str) -> str:
     """The kind that has the most similar name, for the message."""
-    from difflib import get_close_matches
-
-    from stlbench.registry import plugins
-
     kinds = {each: kind for kind in plugins.KINDS for each in plugins.available(kind)}
     close = get_close_matches(name, kinds, n=1, cutoff=0.5)
     if not close:
@@ -228,10 +217,6 @@ def _nearest(name: str) -> str:
 
 def _raised(error: BaseException) -> str:
     """The exception, and the line of the plugin's source, or of what it called, that raised it."""
-    import traceback
-
-    from stlbench.contract import cause
-
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"{cause(error)} ({Path(last.filename).name}, line {last.lineno})"
 

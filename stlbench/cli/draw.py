@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from stlbench.cli.common import warn
 from stlbench.cli.options import Budget, Cell, Fitting, Folder, Listed, TaskFolders, Which
 from stlbench.errors import UsageError, did_you_mean
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stlbench.registry.choices import Choice
+from stlbench.records import stored
+from stlbench.records.outputs import inside
+from stlbench.registry.choices import Choice, parse_choices
+from stlbench.report import condense
+from stlbench.rollout.questions import Question, plugins_of
+from stlbench.study.plugin_guard import ask, ask_one, load_guarded
+from stlbench.study.policies import Start, parse_start
+from stlbench.study.results import Results
 
 
 def plot(
@@ -49,12 +53,8 @@ def plot(
       stlbench plot results
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
-    from stlbench.records import stored
-    from stlbench.records.outputs import inside
-    from stlbench.report import condense
     from stlbench.report.figures import trace_figures
     from stlbench.report.figures.style import colours_of, fitting
-    from stlbench.study.plugin_guard import ask, load_guarded
 
     groups = condense(stored.read(run), stored.missing(run))
     settings = [group.setting for group in groups if group.tried]
@@ -76,8 +76,6 @@ def plot(
 
 
 def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Choice]:
-    from stlbench.registry.choices import parse_choices
-
     if text is None:
         return known
     chosen = set(parse_choices(text))
@@ -128,13 +126,8 @@ def render(
       stlbench render results reach-stay/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench.records.outputs import inside
     from stlbench.report.film import check_format
-    from stlbench.rollout.questions import Question, plugins_of
     from stlbench.study.filming import film_cell
-    from stlbench.study.plugin_guard import ask_one
-    from stlbench.study.policies import Start, parse_start
-    from stlbench.study.results import Results
 
     if start is not None and start_index is not None:
         raise UsageError("--start and --start-index: one start, said once")

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from stlbench import contract
 from stlbench.cli.common import Json, show
 from stlbench.cli.options import Listed, names, study_options, tasks_of
 from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stlbench import contract
-    from stlbench.gate.judge import Judgement
-    from stlbench.gate.snapshot import Snapshot
-    from stlbench.gate.summary import Named
-    from stlbench.study.cell import Cell
+from stlbench.gate import summary
+from stlbench.gate.cost import judge_turns
+from stlbench.gate.judge import EXIT, Judgement, judge
+from stlbench.gate.measure import both_trees, cells_of, measure, select, take_turns
+from stlbench.gate.snapshot import Snapshot, load, save
+from stlbench.gate.summary import Named
+from stlbench.records.status import ACCIDENTS
+from stlbench.study.cell import Cell
+from stlbench.study.progress import Progress
+from stlbench.study.run import build_executor
+from stlbench.study.study import Study, parse_seeds
 
 SEEDS = "10"  # seeds of a new reference
 
@@ -44,9 +48,6 @@ def compare(
       stlbench compare results-before results-after
       stlbench compare results/gate-reference results/gate/ledger.sqlite --json
     """
-    from stlbench.gate.judge import judge
-    from stlbench.gate.snapshot import load
-
     first, second = (str(base), load(base)), (str(new), load(new))
     _end("stlbench compare", judge(first[1], second[1]), first, second, results, as_json)
 
@@ -91,11 +92,6 @@ def gate(
       stlbench gate results/gate-reference --against origin/main
       stlbench gate reference --update --tasks reach-stay --methods funnel,flag --seeds 10
     """
-    from stlbench.gate.judge import judge
-    from stlbench.gate.measure import cells_of, select
-    from stlbench.study.run import build_executor
-    from stlbench.study.study import Study, parse_seeds
-
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
     chosen = {"task": tasks_of(tasks), "method": names(methods), "agent": names(agents)}
@@ -123,9 +119,6 @@ def gate(
 
 
 def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, Judgement]:
-    from stlbench.gate.cost import judge_turns
-    from stlbench.gate.measure import both_trees, take_turns
-
     try:
         with both_trees(revision) as (base, change):
             turns = take_turns(reference.samples, base, change, partial(typer.echo, err=True))
@@ -137,9 +130,6 @@ def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, J
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:
-    from stlbench.gate.measure import measure
-    from stlbench.study.progress import Progress
-
     try:
         with Progress() as progress:
             return measure(cells, folder, executor, progress)
@@ -149,9 +139,6 @@ def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) 
 
 
 def _end(title: str, judgement: Judgement, base: Named, new: Named, folder: Path | None, as_json: bool) -> None:
-    from stlbench.gate import summary
-    from stlbench.gate.judge import EXIT
-
     if folder is not None:
         summary.write(folder, title, judgement, base, new)
     text = summary.markdown(title, judgement, base, new).removesuffix("\n")
@@ -160,9 +147,6 @@ def _end(title: str, judgement: Judgement, base: Named, new: Named, folder: Path
 
 
 def _update(reference: Path, snapshot: Snapshot, as_json: bool) -> None:
-    from stlbench.gate.snapshot import save
-    from stlbench.records.status import ACCIDENTS
-
     count = len(snapshot.samples)
     failed = [sample for sample in snapshot.samples.values() if sample.status in ACCIDENTS]
     if failed:

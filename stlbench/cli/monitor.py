@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from stlbench import stl
 from stlbench.cli.common import Json, show, warn
 from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from stlbench import stl
-    from stlbench.records.saved_traces import SavedTraces
+from stlbench.records.saved_traces import SavedTraces, read_saved
+from stlbench.rollout.early_ends import last_steps
+from stlbench.rollout.trace_table import read_table
 
 ShortTraces = Literal["strict", "clip"]
 
@@ -63,8 +63,6 @@ def monitor(
       stlbench monitor --formulas requirements.txt --dt 0.1 trace.csv
       stlbench monitor "G x <= 1" results/traces/CELL.npz --start 3
     """
-    from stlbench import stl
-
     sources, path = _sources(inputs, formulas)
     parsed = [_parsed(source, dt) for source in sources]
     used = {name for formula in parsed for name in stl.signals(formula)}
@@ -102,8 +100,6 @@ def _read_formulas(path: Path) -> list[Source]:
 
 
 def _parsed(source: Source, dt: float | None) -> stl.Formula:
-    from stlbench import stl
-
     try:
         return stl.parse(source.text, dt=dt)
     except ValueError as error:
@@ -112,9 +108,6 @@ def _parsed(source: Source, dt: float | None) -> stl.Formula:
 
 def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> tuple[SavedTraces, list[int | None]]:
     """The traces, and the numbers of their starts; None for a table."""
-    from stlbench.records.saved_traces import SavedTraces, read_saved
-    from stlbench.rollout.trace_table import read_table
-
     if path.suffix == ".npz":
         saved = read_saved(path)
         count = len(saved.samples)
@@ -140,9 +133,6 @@ def _judge(
     source: Source, formula: stl.Formula, trace: SavedTraces, start: int | None, policy: ShortTraces
 ) -> dict[str, Any]:
     """Judge one trace, whose samples are (rows, signals), up to its last recorded row."""
-    from stlbench import stl
-    from stlbench.rollout.early_ends import last_steps
-
     end = int(last_steps(trace.samples[None])[0])
     samples, of = trace.samples[: end + 1], "" if start is None else f" of start {start}"
     try:
@@ -168,8 +158,6 @@ def _line(verdict: dict[str, Any]) -> str:
 
 def _warn_of_early_ends(traces: SavedTraces, starts: list[int | None]) -> None:
     """Verdicts on shorter traces may differ from the task's own."""
-    from stlbench.rollout.early_ends import last_steps
-
     rows, length = last_steps(traces.samples) + 1, traces.samples.shape[1]
     if early := [f"start {start} has {count}" for start, count in zip(starts, rows, strict=True) if count < length]:
         examples = ", ".join(early[:3]) + (", ..." if len(early) > 3 else "")

@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal, get_args
 
 import typer
 
-from stlbench.registry.choices import Choice
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, parse_choices
+from stlbench.registry.folders import know, parse_tasks
 from stlbench.study.study import Option, Study
 
 
@@ -19,8 +21,6 @@ def completed(kind: str) -> Callable[[str], list[str]]:
     """What completes the name of a plugin of one of `plugins.KINDS`, also the last one of a comma list."""
 
     def names(incomplete: str) -> list[str]:
-        from stlbench.registry import plugins
-
         before, comma, last = incomplete.rpartition(",")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a broken plugin, while someone types
@@ -88,8 +88,6 @@ Fitting = Annotated[
 
 
 def _known(paths: list[Path] | None) -> list[Path] | None:
-    from stlbench.registry.folders import know
-
     for path in paths or ():
         know(path)
     return paths
@@ -108,14 +106,10 @@ TaskFolders = Annotated[
 
 
 def names(text: str | None) -> tuple[Choice, ...] | None:
-    from stlbench.registry.choices import parse_choices
-
     return None if text is None else parse_choices(text)
 
 
 def tasks_of(text: str | None) -> tuple[Choice, ...] | None:
-    from stlbench.registry.folders import parse_tasks
-
     return None if text is None else parse_tasks(text)
 
 

@@ -6,19 +6,23 @@ import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.cli.options import Explain, Fitting, TaskFolders
 from stlbench.errors import DiskFull, UsageError
-
-if TYPE_CHECKING:
-    from stlbench.records.identity import CellId
-    from stlbench.records.result import Result
-    from stlbench.report import Group, Report, Width
-    from stlbench.rollout.standards import Standard
+from stlbench.records import stored
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
+from stlbench.records.status import NOT_RUN
+from stlbench.registry import plugins
+from stlbench.report import Group, Report, Width, condense, to_records, to_screen, write
+from stlbench.report.page import require, write_page
+from stlbench.rollout.standards import Standard, standards
+from stlbench.share.rescored import bundles_table, read_bundles
+from stlbench.study.plugin_guard import ask, load_guarded
 
 _FEW = 3  # settings that a warning names
 
@@ -61,13 +65,7 @@ def report(
       stlbench report results --json
       stlbench report mine.zip theirs.zip --rescore
     """
-    from stlbench.records import stored
-    from stlbench.records.status import NOT_RUN
-    from stlbench.report import Report, condense
-
     if html:
-        from stlbench.report.page import require
-
         require()
     elif out is not None:
         raise UsageError("--out is the file of the page that --html writes; add --html")
@@ -96,9 +94,6 @@ def report(
 
 def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, explain: bool, as_json: bool) -> None:
     """Show bundles in one report, or write their page; exit with code 1 where one is damaged or claims more."""
-    from stlbench.report import Report, condense, to_screen
-    from stlbench.share.rescored import bundles_table, read_bundles
-
     bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
     results = {result.id: result for bundle in bundles for result in bundle.results}
     groups = condense(results.values())
@@ -115,8 +110,6 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
 
 
 def _print_json(report: Report) -> None:
-    from stlbench.report import to_records
-
     tables = {table.title.lower(): table for table in report.first} | report.tables
     print_json({name: to_records(table) for name, table in tables.items()})
 
@@ -128,8 +121,6 @@ def show_report(
 
     The notes of the tables are printed if the user asks to `explain`; else two lines say where they are.
     """
-    from stlbench.report import Report, to_screen
-
     content = Report(groups, standards_of(groups))
     part = content if shown is None or list(shown) == list(groups) else Report(shown, content.standards, groups)
     is_written, out = _write(content, folder, width), console()
@@ -160,9 +151,6 @@ def _warn_of_early_ends(groups: Sequence[Group]) -> None:
 
 def _write(report: Report, folder: Path, width: Width) -> bool:
     """Write all files. Whether that was possible: who may only read a folder is shown the tables, with a warning."""
-    from stlbench.report import write
-    from stlbench.study.plugin_guard import load_guarded
-
     try:
         write(report, folder, load_guarded, width)
     except DiskFull:
@@ -178,9 +166,6 @@ def _write_page(
 ) -> None:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from stlbench.report.page import write_page
-    from stlbench.study.plugin_guard import ask, load_guarded
 
     console = Console(stderr=True, highlight=False)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -206,10 +191,6 @@ def _write_page(
 def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
     from rich.console import Console
-
-    from stlbench.registry import plugins
-    from stlbench.rollout.standards import standards
-    from stlbench.study.plugin_guard import ask
 
     unknown = {name for name in (group.setting.task.name for group in groups) if plugins.known("tasks", name) is None}
     if unknown:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from stlbench.cli.common import Json, show, warn
 from stlbench.cli.options import Folder
-
-if TYPE_CHECKING:
-    from stlbench.records.upkeep import Merged
+from stlbench.errors import UsageError
+from stlbench.records import upkeep
+from stlbench.records.upkeep import Merged
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -51,9 +51,6 @@ def remove(
       stlbench results remove results reach-stay/funnel/dqn/0
       stlbench results remove results "reach-stay/*" --status raised --status timeout --yes
     """
-    from stlbench.errors import UsageError
-    from stlbench.records import upkeep
-
     chosen = upkeep.choose(folder, cells, status, budget)
     if as_json and not yes:
         raise UsageError("--json cannot ask; say --yes too")
@@ -88,8 +85,6 @@ def merge(
     Example:
       stlbench results merge results machine-a/results machine-b/results
     """
-    from stlbench.records import upkeep
-
     counts = {source: upkeep.merge(into, source) for source in sources}
     facts = [{"from": str(source), **count._asdict()} for source, count in counts.items()]
     show(as_json, facts, _merged(into, counts))

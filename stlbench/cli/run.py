@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -14,15 +14,22 @@ from stlbench.cli.options import Explain, TaskName, study_options
 from stlbench.cli.options import names as choices
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
+from stlbench.records import stored
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.status import ACCIDENTS, accidents_of
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.registry.folders import task_of
+from stlbench.report import condense, only
+from stlbench.rollout.standards import differences
+from stlbench.study.cell import Cell
+from stlbench.study.plugin_guard import ask
+from stlbench.study.progress import Progress
+from stlbench.study.run import build_executor, run_cells, run_missing
+from stlbench.study.solve import parse_settings, plan_alignment
 from stlbench.study.study import Study
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stlbench.records.identity import CellId
-    from stlbench.registry.choices import Choice
-    from stlbench.study.cell import Cell
-
+from stlbench.task import load_task
 
 DEFAULTS = {"tasks": "reach-stay", "methods": "funnel,flag"}  # what is compared where neither options nor a file say
 
@@ -49,9 +56,6 @@ def run(
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
       stlbench run study.yaml --seeds 10
     """
-    from stlbench.study.progress import Progress
-    from stlbench.study.run import run_missing
-
     described = Study.of(options, study) if study else Study.of(DEFAULTS | options)
     with interruptible(described.cells, described.results), Progress(described.results) as progress:
         cells = run_missing(described, progress)
@@ -73,8 +77,6 @@ def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator
 
 
 def _recorded(cells: Sequence[Cell], folder: Path) -> str:
-    from stlbench.records.ledger import FILE, Ledger
-
     with Ledger(folder / FILE) as ledger:
         count = len(ledger.finished(cell.key for cell in cells))
     return f"{count} of {len(cells)} cells are recorded in {folder}/"
@@ -86,10 +88,6 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     Raises:
         UsageError: all of these cells ended as unsuitable.
     """
-    from stlbench.records import stored
-    from stlbench.records.status import ACCIDENTS
-    from stlbench.report import condense, only
-
     recorded = condense(stored.read(folder), stored.missing(folder))
     shown = only(recorded, cells)
     rows = [row for group in shown for row in group.rows]
@@ -135,12 +133,6 @@ def plan(
       stlbench plan overlap --methods raw,funnel --resolution 0.6
       stlbench plan reach-stay --settings "recipe,gamma=1,without=cuts gamma=1"
     """
-    from stlbench.records.status import accidents_of
-    from stlbench.registry.folders import task_of
-    from stlbench.study.progress import Progress
-    from stlbench.study.run import build_executor, run_cells
-    from stlbench.study.solve import parse_settings, plan_alignment
-
     chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
     cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
     executor, retry = build_executor(options.get("executor", "local"), options.get("jobs")), options.get("retry")
@@ -152,11 +144,6 @@ def plan(
 
 def _say_equal(cells: Sequence[CellId], methods: Sequence[Choice] | None) -> None:
     """Which of the methods pay for the same on the task, and on those of its ablations that reward another form."""
-    from stlbench.registry import plugins
-    from stlbench.rollout.standards import differences
-    from stlbench.study.plugin_guard import ask
-    from stlbench.task import load_task
-
     seen = set[object]()
     for task in dict.fromkeys(cell.task for cell in cells):
         loaded = load_task(task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -12,12 +12,19 @@ from stlbench.cli.common import Json, show, warn
 from stlbench.cli.options import Architecture, Method, On, OwnActions
 from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from stlbench.records.result import Result, Score
-    from stlbench.registry.choices import Choice
-    from stlbench.report import Table
-    from stlbench.share.source import Source
+from stlbench.records import stored
+from stlbench.records.identity import OUTSIDE
+from stlbench.records.outputs import cell_files
+from stlbench.records.result import Result, Score, plain_scores, reported
+from stlbench.registry.choices import Choice, parse_choice
+from stlbench.registry.folders import task_of
+from stlbench.report import Report, Table, condense
+from stlbench.report.tables.cells import scores_table
+from stlbench.share.rescored import score_question
+from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
+from stlbench.share.source import Source, find_source
+from stlbench.study.plugin_guard import ask_one
+from stlbench.study.results import Results
 
 
 def score(
@@ -69,13 +76,6 @@ def score(
       stlbench score reach-stay q.pt --architecture "mlp[6,64,64,273;relu]"
       stlbench score reach-stay reach-stay/funnel/dqn/0
     """
-    from stlbench.records.outputs import cell_files
-    from stlbench.registry.choices import parse_choice
-    from stlbench.registry.folders import task_of
-    from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
-    from stlbench.share.source import find_source
-    from stlbench.study.plugin_guard import ask_one
-
     source, choice = find_source(policy, architecture, actions), task_of(task)
     if source.kind == "cell":
         _refuse_options({"--method": method, "--on": on, "--name": name, "--seed": seed}, "is a stored cell", policy)
@@ -101,12 +101,6 @@ def _refuse_options(given: Mapping[str, object], reason: str, policy: str) -> No
 def _score_cell(
     task: Choice, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
 ) -> None:
-    from stlbench.records.result import plain_scores
-    from stlbench.report.tables.cells import scores_table
-    from stlbench.share.rescored import score_question
-    from stlbench.study.plugin_guard import ask_one
-    from stlbench.study.results import Results
-
     result = Results.load(results).cell(source.text, budget)
     scores = ask_one(score_question(task, result, results, which))
     assert result.measurement is not None
@@ -125,9 +119,6 @@ def _score_cell(
 
 def _usual(results: Path, task: Choice) -> str | None:
     """The budget of the task's cells in a folder, for scores from the same starts; None without a single one."""
-    from stlbench.records import stored
-    from stlbench.records.identity import OUTSIDE
-
     if stored.locate(results) is None:
         return None
     cells = (result.id for result in stored.read(results))
@@ -136,8 +127,6 @@ def _usual(results: Path, task: Choice) -> str | None:
 
 
 def _warn_of_ends(scores: Mapping[str, Score]) -> None:
-    from stlbench.records.result import reported
-
     if share := reported(scores).ended_early:
         what = f"from {100 * share:.3g} % of the starts the episode ended before the formula's horizon"
         warn(f"{what}; see the note above")
@@ -145,10 +134,6 @@ def _warn_of_ends(scores: Mapping[str, Score]) -> None:
 
 def _text(result: Result, results: Path) -> Iterator[str | Table]:
     """The score, and the row beside the cells of its task."""
-    from stlbench.records import stored
-    from stlbench.report import Report, condense
-    from stlbench.report.tables.cells import scores_table
-
     assert result.measurement is not None
     yield f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}"
     if observation := result.provenance.get("observation"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,16 +11,16 @@ import typer
 from stlbench.cli.actors import Chosen, one_by_one, takes_actors
 from stlbench.cli.common import Json, show
 from stlbench.cli.options import Seed, TaskFolders
+from stlbench.records.outputs import inside
+from stlbench.report import Table
+from stlbench.search import certify as certifying
+from stlbench.search import falsify as search
+from stlbench.search.actor import Actor
+from stlbench.search.certify import Certificate, plain
+from stlbench.search.falsify import Falsification
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from stlbench.report import Table
-    from stlbench.search.actor import Actor
-    from stlbench.search.falsify import Falsification
-
     _Written = tuple[Falsification, list[Path]]  # a result, and the files that it was written to
-    from stlbench.search.certify import Certificate
 
 
 @takes_actors
@@ -59,8 +59,6 @@ def falsify(
       stlbench falsify --controller reach-stay,robot-nav --least
       stlbench falsify --task pendulum my_controllers:energy --on state
     """
-    from stlbench.records.outputs import inside
-    from stlbench.search import falsify as search
     from stlbench.search.outputs import write
 
     how = search.How(optimiser, evaluations, least, seed)
@@ -171,8 +169,6 @@ def certify(
       stlbench certify reach-stay/funnel/dqn/0 --at-least .95
       stlbench certify --controller robot-nav --until .02
     """
-    from stlbench.search import certify as certifying
-
     claim = certifying.Claim(confidence, starts, at_least, until, seed)
     certifying.check(claim)
     one_by_one(
@@ -191,8 +187,6 @@ def _certificate_text(certificates: list[Certificate]) -> Iterator[str | Table]:
 
 
 def _certificate_line(one: Certificate) -> str:
-    from stlbench.search.certify import plain
-
     counts, what = f"{one.satisfied} of {one.starts} random starts", "the probability"
     if one.open:
         counts += f", violated from {one.violated}, open from {one.open} that ended early"

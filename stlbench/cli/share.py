@@ -4,22 +4,30 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from stlbench.cli.common import Json, show
 from stlbench.cli.options import Budget, Cell, Folder, From, TaskFolders, Which
 from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from stlbench.records.verify import Verified
-    from stlbench.report import Table
-    from stlbench.share.checked import Checked
-    from stlbench.share.rescored import Rescored
-    from stlbench.study.results import Results
-
+from stlbench.records import stored
+from stlbench.records import verify as verifying
+from stlbench.records.outputs import inside, write
+from stlbench.records.reader import LedgerWarning
+from stlbench.records.result import reported
+from stlbench.records.verify import Verified
+from stlbench.report import Column, Table, Value
+from stlbench.rollout.questions import Question, plugins_of
+from stlbench.share import onnx
+from stlbench.share.bundle import About, pack
+from stlbench.share.checked import Checked, check
+from stlbench.share.rescored import Rescored
+from stlbench.share.rescored import rescore as rescore_policies
+from stlbench.study.plugin_guard import ask_one
+from stlbench.study.results import Results
 
 _SHOWN = 10  # the most files without a result that are listed
 
@@ -59,9 +67,6 @@ def verify(
         return
     if rescore:
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
-    from stlbench.records import verify as verifying
-    from stlbench.records.reader import LedgerWarning
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)  # the text below has the same
         verified = verifying.repair(folder) if repair else verifying.verify(folder)
@@ -100,9 +105,6 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
 
 
 def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
-    from stlbench.share.checked import check
-    from stlbench.share.rescored import rescore as rescore_policies
-
     checked = check(path)
     scored: list[Rescored] = []
     for each in rescore_policies(path) if rescore and not checked.problems else ():
@@ -126,9 +128,6 @@ def _rescored(each: Rescored) -> dict[str, object]:
 
 
 def _bundle_text(path: Path, checked: Checked, scored: list[Rescored]) -> Iterator[str | Table]:
-    from stlbench.records.result import reported
-    from stlbench.report import Column, Table, Value
-
     yield from checked.problems
     verdict = "not what it says" if checked.problems else "every file as it was packed"
     counts = f"{checked.cells} cells, policies of {checked.policies}"
@@ -174,10 +173,6 @@ def bundle(
       stlbench bundle results --author "Ada Lovelace" --title "Funnels on reach-stay"
       stlbench bundle results submission.zip --license CC0-1.0
     """
-    from datetime import UTC, datetime
-
-    from stlbench.share.bundle import About, pack
-
     name = folder.resolve().name
     path = Path(f"{name}.zip") if target is None else target
     what = description or f"Cells of stlbench, recorded in {name}."
@@ -215,10 +210,6 @@ def export(
       stlbench export results --format csv
       stlbench export results/reference --format jsonl
     """
-    from stlbench.records import stored
-    from stlbench.records.outputs import inside
-    from stlbench.study.results import Results
-
     if form == "jsonl":
         path = (out or (folder if folder.is_dir() else folder.parent)) / stored.LINES
         stored.write_lines(list(stored.read(folder)), path, stored.missing_by_key(folder))
@@ -231,8 +222,6 @@ def export(
 
 
 def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> list[Path]:
-    from stlbench.records.outputs import write
-
     paths = [folder / f"{name}.{form}" for name in TABLES]
     for name, path in zip(TABLES, paths, strict=True):
         table = getattr(results, name)()
@@ -262,11 +251,6 @@ def export_policy(
     Example:
       stlbench export-policy reach-stay/funnel/dqn/0 policy.onnx
     """
-    from stlbench.rollout.questions import Question, plugins_of
-    from stlbench.share import onnx
-    from stlbench.study.plugin_guard import ask_one
-    from stlbench.study.results import Results
-
     if out.suffix.lower() != ".onnx":
         raise UsageError(f"{out}: a policy is written as .onnx")
     result = Results.load(results).cell(cell, budget)

@@ -5,23 +5,28 @@ from __future__ import annotations
 import inspect
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from stlbench.cli import common
-from stlbench.cli.common import Json, warn
+from stlbench.cli.common import Json, table, warn
 from stlbench.cli.options import Budget, Cell, Folder, completed
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError, did_you_mean
-
-if TYPE_CHECKING:
-    from stlbench.records.result import Result
-    from stlbench.registry.plugins import Plugin
-    from stlbench.report import Table
-
+from stlbench.records.identity import OUTSIDE
+from stlbench.records.outputs import cell_files, end_of_log
+from stlbench.records.result import Result, to_json
+from stlbench.records.status import ACCIDENTS
+from stlbench.registry import docstrings, plugins
+from stlbench.registry.docstrings import field_docs
+from stlbench.registry.plugins import Plugin
+from stlbench.report import Table
+from stlbench.report.tables.cells import scores_and_cost
+from stlbench.study.results import Results
+from stlbench.study.schema import json_schema
 
 app = typer.Typer(rich_markup_mode=None)
 app.command("task")(task)
@@ -38,12 +43,7 @@ def show() -> None:
 
 
 @app.command("cell")
-def cell(
-    name: Cell,
-    folder: Folder = Path("results"),
-    budget: Budget = None,
-    as_json: Json = False,
-) -> None:
+def cell(name: Cell, folder: Folder = Path("results"), budget: Budget = None, as_json: Json = False) -> None:
     """Show one cell of a folder of results: status, reason and traceback, provenance, scores, cost.
 
     \b
@@ -51,9 +51,6 @@ def cell(
       stlbench show cell reach-stay/funnel/dqn/0
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
-    from stlbench.records.outputs import cell_files
-    from stlbench.study.results import Results
-
     results = Results.load(folder)
     result = results.cell(name, budget)
     log = cell_files(results.folder, result.id, result.key).log
@@ -62,18 +59,11 @@ def cell(
 
 def cell_facts(result: Result, log: Path) -> dict[str, Any]:
     """The whole record of a cell as JSON values; `log` is the path of its output."""
-    from stlbench.records.result import to_json
-
     content: dict[str, Any] = json.loads(to_json(result))
     return {"name": result.id.name, **content, "log": str(log) if log.is_file() else None}
 
 
 def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
-    from stlbench.records.identity import OUTSIDE
-    from stlbench.records.outputs import end_of_log
-    from stlbench.records.status import ACCIDENTS
-    from stlbench.report.tables.cells import scores_and_cost
-
     parts = {
         "cell": result.id.name,
         "budget": result.id.budget,
@@ -105,8 +95,6 @@ def schema(
     Example:
       stlbench show schema task > task.schema.json
     """
-    from stlbench.study.schema import json_schema
-
     typer.echo(json.dumps(json_schema(kind), indent=2, ensure_ascii=False))
 
 
@@ -130,8 +118,6 @@ def method(
 
 
 def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
-    from stlbench.registry import plugins
-
     return {
         name: {"type": text} | ({} if default is inspect.Parameter.empty else {"default": default})
         for name, (text, default) in plugins.parameters(plugin).items()
@@ -139,9 +125,6 @@ def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
 
 
 def _method_facts(name: str) -> dict[str, Any]:
-    from stlbench.registry import docstrings, plugins
-    from stlbench.registry.docstrings import field_docs
-
     plugin = plugins.find("methods", name)
     kind = plugin.load()
     docstring = docstrings.read(kind)
@@ -162,22 +145,20 @@ def _method_facts(name: str) -> dict[str, Any]:
 
 
 def _method_text(facts: Mapping[str, Any]) -> Iterator[str | Table]:
-    from stlbench.report import Column, Table
-
     yield f"{facts['name']} ({facts['distribution']} {facts['version']}, {facts['class']})"
     yield from (f"\n{text}" for text in (facts["source"], facts["description"]) if text)
     yield ""
-    parameters = tuple(
-        (name, parameter["type"], str(parameter.get("default", "required")), parameter["meaning"])
-        for name, parameter in facts["parameters"].items()
-    )
-    limits = tuple((status.lower(), place) for status, place in facts["limits"].items())
-    for title, headings, rows in (
-        ("Parameters", ("name", "type", "default", "meaning"), parameters),
-        ("Where it does not fit", ("status", "where"), limits),
-    ):
-        if rows:
-            yield Table(title, tuple(Column(heading, right=False) for heading in headings), rows)
+    parameters = [
+        {
+            "name": name,
+            "type": each["type"],
+            "default": str(each.get("default", "required")),
+            "meaning": each["meaning"],
+        }
+        for name, each in facts["parameters"].items()
+    ]
+    limits = [{"status": status.lower(), "where": place} for status, place in facts["limits"].items()]
+    yield from (table(*part) for part in (("Parameters", parameters), ("Where it does not fit", limits)) if part[1])
 
 
 def list_plugins(
@@ -194,8 +175,6 @@ def list_plugins(
       stlbench list methods
       stlbench list tasks --json
     """
-    from stlbench.registry import plugins
-
     if kind not in plugins.KINDS:
         raise UsageError(f"no kind of plugin '{kind}'{did_you_mean(kind, plugins.KINDS)}")
     listed = []
@@ -205,24 +184,22 @@ def list_plugins(
             listed.append(facts | {"summary": plugin.summary, "parameters": parameter_facts(plugin)})
         except plugins.PluginError as error:
             warn(str(error))
-    common.show(as_json, listed, _text(kind, listed))
+    common.show(as_json, listed, [table(kind.capitalize(), list(_rows(listed)))])
 
 
-def _text(kind: str, listed: list[dict[str, Any]]) -> Iterator[Table]:
-    from stlbench.report import Column, Table
+def _rows(listed: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, str]]:
+    parametrised = any(facts["parameters"] for facts in listed)
+    for facts in listed:
+        row = {
+            "name": facts["name"],
+            "from": f"{facts['distribution']} {facts['version']}",
+            "summary": facts["summary"],
+        }
+        yield row | ({"parameters": _parameters(facts)} if parametrised else {})
 
-    titles = ["name", "from", "summary", *(["parameters"] if any(facts["parameters"] for facts in listed) else [])]
-    rows = tuple(
-        (facts["name"], f"{facts['distribution']} {facts['version']}", facts["summary"], _parameters(facts))
-        for facts in listed
+
+def _parameters(facts: Mapping[str, Any]) -> str:
+    return "\n".join(
+        f"{name}: {each['type']}" + (f" = {each['default']}" if "default" in each else ", required")
+        for name, each in facts["parameters"].items()
     )
-    columns = tuple(Column(title, right=False) for title in titles)
-    yield Table(kind.capitalize(), columns, tuple(row[: len(titles)] for row in rows))
-
-
-def _parameters(facts: dict[str, Any]) -> str:
-    texts = []
-    for name, parameter in facts["parameters"].items():
-        default = f" = {parameter['default']}" if "default" in parameter else ", required"
-        texts.append(f"{name}: {parameter['type']}{default}")
-    return "\n".join(texts)

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
+from pydantic import BaseModel
 
+from stlbench import stl
 from stlbench.cli.advise import fit
-from stlbench.cli.common import Json, show, warn
+from stlbench.cli.common import Json, show, table, warn
 from stlbench.cli.options import TaskName
+from stlbench.contract import System, Unsuitable
+from stlbench.contract.presentation import Described
 from stlbench.errors import cause, one_line
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
-    from stlbench.records.identity import Track
-    from stlbench.records.result import Score
-    from stlbench.report import Table, Value
-    from stlbench.rollout.baselines import Constants
-    from stlbench.rollout.questions import Question
-    from stlbench.task.task import Task
+from stlbench.records.identity import Track
+from stlbench.records.result import Score
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.report import Table, Value
+from stlbench.rollout.baselines import Constants
+from stlbench.rollout.questions import Question, answers
+from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
+from stlbench.study.plugin_guard import ask
+from stlbench.study.tracks import on_track, own_agent_on
+from stlbench.task import load_task
+from stlbench.task.equal_rewards import Difference
+from stlbench.task.task import Task
 
 _TRAINING_NOTES = (
     "Cuts are steps. An end counts as if the least that the method pays for a step were paid for ever after.",
@@ -53,11 +60,6 @@ def task(
       stlbench show task robot-nav --track auto
       stlbench show task ./my-task --json
     """
-    from stlbench.registry import plugins
-    from stlbench.registry.choices import Choice
-    from stlbench.study.tracks import on_track, own_agent_on
-    from stlbench.task import load_task
-
     loaded = load_task(name)
     on = track or loaded.own_track
     loaded = on_track(loaded, Choice(own_agent_on(loaded, on)), on)
@@ -68,13 +70,6 @@ def task(
 
 def _facts(task: Task, track: Track) -> dict[str, Any]:
     """Intervals of formulas are in steps."""
-    from stlbench import stl
-    from stlbench.contract import System
-    from stlbench.registry import plugins
-    from stlbench.rollout.questions import answers
-    from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
-    from stlbench.study.plugin_guard import ask
-
     file, system = task.file, task.dynamics if isinstance(task.dynamics, System) else None
     beyond = system.beyond_state if system and file.features == "engineered" else ()
     questions: list[Question[Any]] = [question(task.choice) for question in (by_hand, constant_actions, at_random)]
@@ -138,8 +133,6 @@ def _baselines(constants: Constants, random: Score) -> dict[str, Any]:
 
 def _terms(task: Task) -> list[dict[str, Any]] | str:
     """The terms of eq. 2 with the range of each rho over the signals' box, or the reason why there are none."""
-    from stlbench.contract import Unsuitable
-
     try:
         terms = task.specification.terms
     except Unsuitable as reason:
@@ -152,8 +145,6 @@ def _terms(task: Task) -> list[dict[str, Any]] | str:
 
 
 def _methods(task: Task) -> dict[str, Any]:
-    from stlbench.registry import plugins
-
     methods = {}
     for name in plugins.available("methods"):
         try:
@@ -165,8 +156,6 @@ def _methods(task: Task) -> dict[str, Any]:
 
 def _method(task: Task, name: str) -> dict[str, Any]:
     """The description of a method with default parameters, or the status and reason why it does not fit."""
-    from stlbench.contract.presentation import Described
-
     fitted = fit(task, name)
     if (method := fitted.method) is None:
         return {"status": fitted.status, "reason": fitted.reason}
@@ -231,29 +220,28 @@ def _best(best: dict[str, Any]) -> str:
     return f"{reached}; at most {best['upper_bound']:.5g}" + (f", as {best['why']}" if best["why"] else "")
 
 
-def _tables(facts: dict[str, Any]) -> list[Table]:
+def _tables(facts: dict[str, Any]) -> Iterator[Table]:
     terms = facts["terms"] if isinstance(facts["terms"], list) else []
     training = [{"part": key, "how they differ": _text(part)} for key, part in facts["training"].items() if part != ()]
     recipes = [{"agent": key, "parameters": _listed(recipe)} for key, recipe in facts["agents"].items()]
     methods = [{"method": key} | _summary(made) for key, made in facts["methods"].items()]
     counted = any("count" in axis for axis in facts["actions"].values())
-    tables = [
-        _table("Terms and the range of their robustness", terms),
-        _table("Signals", _named("signal", facts["signals"])),
-        _table("Actions" if counted else "Actions, continuous", _named("action", facts["actions"])),
-        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in facts["robots"].items()]),
-        _table("Training episodes", training, *_TRAINING_NOTES),
-        _table("Budgets", _named("budget", facts["budgets"])),
-        _table("Further protocols", _named("protocol", facts["protocols"])),
-        _table("Recipes, the task's own agent first", recipes, _NO_RECIPE),
-        _table("Methods", methods, *_equal(facts)),
-    ]
-    return [table for table in tables if table.rows]
+    for title, rows, *notes in (
+        ("Terms and the range of their robustness", terms),
+        ("Signals", _named("signal", facts["signals"])),
+        ("Actions" if counted else "Actions, continuous", _named("action", facts["actions"])),
+        ("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in facts["robots"].items()]),
+        ("Training episodes", training, *_TRAINING_NOTES),
+        ("Budgets", _named("budget", facts["budgets"])),
+        ("Further protocols", _named("protocol", facts["protocols"])),
+        ("Recipes, the task's own agent first", recipes, _NO_RECIPE),
+        ("Methods", methods, *_equal(facts)),
+    ):
+        if rows:
+            yield table(title, [{key: _plain(value) for key, value in row.items()} for row in rows], *notes)
 
 
 def _equal(facts: dict[str, Any]) -> list[str]:
-    from stlbench.task.equal_rewards import Difference
-
     lines = [f"Equal rewards: {Difference(**difference)}." for difference in facts["equal_rewards"]]
     ends = facts["training"].get("ends") and lines
     return [*lines, _EARLY] if ends else lines
@@ -274,16 +262,7 @@ def _listed(values: dict[str, Any]) -> str:
     return "\n".join(f"{key}: {_text(value)}" for key, value in values.items())
 
 
-def _table(title: str, rows: list[dict[str, Any]], *notes: str) -> Table:
-    from stlbench.report import Column, Table
-
-    first = {key: value for row in reversed(rows) for key, value in row.items()}
-    keys = list(dict.fromkeys(key for row in rows for key in row))
-    columns = tuple(Column(key, right=isinstance(first[key], int | float)) for key in keys)
-    return Table(title, columns, tuple(tuple(_value(row.get(key)) for key in keys) for row in rows), notes)
-
-
-def _value(value: Any) -> Value:
+def _plain(value: Any) -> Value:
     return value if value is None or type(value) in (int, float) else _text(value)
 
 

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 import typer
 
+from stlbench.cli.common import console
 from stlbench.cli.options import REQUIRED, study_options
 from stlbench.cli.run import interruptible
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import write
+from stlbench.records.result import Result
+from stlbench.report import Column, Table, to_csv, to_screen
+from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress, Tally
+from stlbench.study.run import build_executor, run_cells
 from stlbench.study.study import Study
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from stlbench.records.identity import CellId
-    from stlbench.records.result import Result
-    from stlbench.report import Table
-    from stlbench.study.cell import Cell
-    from stlbench.study.tuning import Entrant
-
+from stlbench.study.tracks import Recipe, write_recipes
+from stlbench.study.tuning import Entrant, entrants, search
 
 _DEFAULTS = {"seeds": "100-101", "results": "results/tuning"}
 
@@ -50,10 +51,6 @@ def tune(
       stlbench run --tasks robot-nav,reach-stay --methods funnel,flag,raw --track tuned \\
         --recipes results/tuning/recipes.yaml --seeds 10
     """
-    from stlbench.cli.common import console
-    from stlbench.report import to_screen
-    from stlbench.study.tuning import entrants, search
-
     study = Study.of(_DEFAULTS | options)
     searched = entrants(study)
     planned: dict[CellId, Cell] = {}
@@ -86,9 +83,6 @@ class _Rounds(Progress):
 def _run(
     cells: Sequence[Cell], study: Study, planned: dict[CellId, Cell], progress: Progress
 ) -> Mapping[CellId, Result]:
-    from stlbench.records.ledger import FILE, Ledger
-    from stlbench.study.run import build_executor, run_cells
-
     planned.update((cell.id, cell) for cell in cells)
     place = build_executor(study.executor, study.jobs)
     run_cells(cells, study.results, place, retry=study.retry, attempts=study.attempts, progress=progress)
@@ -97,10 +91,6 @@ def _run(
 
 
 def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:
-    from stlbench.records.outputs import write
-    from stlbench.report import to_csv
-    from stlbench.study.tracks import Recipe, write_recipes
-
     recipes: dict[str, dict[str, dict[str, Recipe]]] = {}
     for entrant in searched:
         by_agent = recipes.setdefault(str(entrant.task), {})
@@ -112,8 +102,6 @@ def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:
 
 
 def _table(searched: Sequence[Entrant]) -> Table:
-    from stlbench.report import Column, Table
-
     tuned = list(dict.fromkeys(name for entrant in searched for name in entrant.space))
     columns = (
         Column("task", right=False, shared=True),

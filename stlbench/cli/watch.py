@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from stlbench.study.progress import Tally
+from stlbench.errors import UsageError
+from stlbench.records import lock
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.study.live_cells import draws, running
+from stlbench.study.progress import Tally
 
 
 def watch(
@@ -29,16 +33,9 @@ def watch(
       stlbench watch results
       stlbench watch results --once
     """
-    from contextlib import nullcontext
-
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
-
-    from stlbench.errors import UsageError
-    from stlbench.records import lock
-    from stlbench.records.ledger import FILE
-    from stlbench.study.live_cells import draws, running
 
     if not (folder / FILE).is_file():
         raise UsageError(f"there is no ledger in {folder}/; name a folder that `stlbench run` writes")
@@ -65,9 +62,6 @@ def watch(
 @lru_cache(maxsize=1)
 def _tally(path: Path, stamp: tuple[object, ...]) -> Tally:
     """Reads the ledger anew when its `stamp` has changed."""
-    from stlbench.records.ledger import Ledger
-    from stlbench.study.progress import Tally
-
     with Ledger(path, create=False) as ledger:
         tally = Tally(ledger.missing())
         for result in ledger.results():
