@@ -15,8 +15,7 @@ from stlbench.records.result import Result
 from stlbench.records.schema import Row, open_to_write, texts, values
 from stlbench.records.status import ACCIDENTS, Status
 
-FILE = "ledger.sqlite"
-"""Its name in a folder of results."""
+FILE = "ledger.sqlite"  # its name in a folder of results
 _IDENTITY = ", ".join(IDENTITY)
 
 

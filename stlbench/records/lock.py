@@ -14,10 +14,8 @@ from pathlib import Path
 from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.outputs import inside
 
-FILE = ".lock"
-"""Its name in a folder of results. It stays there; what counts is whether a process holds it."""
-_PATIENCE = 0.5
-"""Seconds for which a lock is tried."""
+FILE = ".lock"  # its name in a folder of results. It stays there; what counts is whether a process holds it.
+_PATIENCE = 0.5  # seconds for which a lock is tried
 
 
 @contextmanager

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from stlbench.errors import cause
 from stlbench.records.outputs import opened
 
-LARGEST = 2**31
-"""Bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros."""
+LARGEST = 2**31  # bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -67,17 +67,13 @@ def _without_links(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NOFOLLOW | getattr(os, "O_CLOEXEC", 0), 0o666)
 
 
-TRACES, POLICIES, LOGS = "traces", "policies", "logs"
-"""Names of the folders in a folder of results."""
+TRACES, POLICIES, LOGS = "traces", "policies", "logs"  # names of the folders in a folder of results
 
 
 class CellFiles(NamedTuple):
-    traces: Path
-    """See `saved_traces`."""
-    policies: Path
-    """See `saved_policies`."""
-    log: Path
-    """What the cell wrote to standard output and error."""
+    traces: Path  # see `saved_traces`
+    policies: Path  # see `saved_policies`
+    log: Path  # what the cell wrote to standard output and error
 
 
 def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:

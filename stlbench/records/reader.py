@@ -16,8 +16,7 @@ from stlbench.records.result import Result, plain
 from stlbench.records.schema import LISTED, Row, cell_of, is_sqlite, open_to_read, result_of, texts
 
 _IDENTITY = ", ".join(IDENTITY)
-_BYTES = 200
-"""A row takes at least so many, in all tables of a ledger."""
+_BYTES = 200  # the least that a row takes, in any table
 _AGAIN = 10**6
 """Rows that were replaced, at most; each gets a greater number. A damaged file may claim a number of 2^62."""
 
@@ -30,16 +29,11 @@ class Recorded(NamedTuple):
     """One row, with its result or its damage."""
 
     key: str
-    cell: CellId | None
-    """None if it cannot be read."""
-    files: Mapping[str, str]
-    """Checksums of the cell's files."""
-    result: Result | str
-    """A text says what is wrong with the row."""
-    again: bool = False
-    """Whether the next run measures the cell."""
-    own_key: str = ""
-    """The key of its result, if its columns are damaged."""
+    cell: CellId | None  # None if it cannot be read
+    files: Mapping[str, str]  # checksums of the cell's files
+    result: Result | str  # a text says what is wrong with the row
+    again: bool = False  # whether the next run measures the cell
+    own_key: str = ""  # the key of its result, if its columns are damaged
 
 
 class Records:
@@ -178,12 +172,9 @@ def _cell(number: int, key: str, *columns: Any) -> CellId | None:
 
 
 class Salvaged(NamedTuple):
-    rows: list[tuple[Any, ...]]
-    """The row's number, and the columns of the query."""
-    lost: dict[int, str]
-    """Number -> key of rows that exist and cannot be read. The key is empty if it is not known."""
-    problem: str
-    """SQLite's error; empty if nothing is damaged."""
+    rows: list[tuple[Any, ...]]  # the row's number, and the columns of the query
+    lost: dict[int, str]  # number -> key of rows that exist and cannot be read; empty if the key is unknown
+    problem: str  # SQLite's error; empty if nothing is damaged
 
 
 def salvage(database: sqlite3.Connection, table: str, columns: str, *, from_index: bool = False) -> Salvaged:

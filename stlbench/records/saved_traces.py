@@ -21,21 +21,16 @@ from stlbench.records.result import MAIN, Result, Score
 class Assessment(NamedTuple):
     """The referee's scores of one policy, with the traces."""
 
-    scores: dict[str, Score]
-    """Protocol -> score."""
-    traces: Array
-    """(N, T + 1, k): the traces behind the main score."""
-    states: Array
-    """(N, decisions + 1, n): the states behind them, at each decision and at the end."""
+    scores: dict[str, Score]  # protocol -> score
+    traces: Array  # (N, T + 1, k): the traces behind the main score
+    states: Array  # (N, decisions + 1, n): the states behind them, at each decision and at the end
 
 
 class Film(NamedTuple):
     """The states on the way from the best and the worst start of a cell, or from its only start."""
 
-    starts: Integers
-    """(2,) or (1,): which starts they are."""
-    states: Array
-    """(2 or 1, decisions + 1, n): at each decision and at the end."""
+    starts: Integers  # (2,) or (1,): which starts they are
+    states: Array  # (2 or 1, decisions + 1, n): at each decision and at the end
 
 
 class SavedTraces(NamedTuple):
@@ -43,8 +38,7 @@ class SavedTraces(NamedTuple):
 
     names: tuple[str, ...]
     samples: Array
-    film: Film | None = None
-    """None if the file has no states."""
+    film: Film | None = None  # None if the file has no states
 
 
 def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:

@@ -20,19 +20,14 @@ from stlbench.records.result import Result, from_json, numbers, to_json
 from stlbench.records.status import Status
 from stlbench.registry.choices import parse_choice
 
-LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"
-"""The columns of a `Row`."""
-VERSION = 5
-"""Of the tables below, in `PRAGMA user_version`. A ledger of another version is refused."""
-LONGEST = 2**26
-"""Bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB."""
+LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"  # the columns of a `Row`
+VERSION = 5  # of the tables below, in `PRAGMA user_version`. A ledger of another version is refused.
+LONGEST = 2**26  # bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB.
 _OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
 """Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
 of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
-_COUNT_TABLES = "SELECT count(*) FROM sqlite_schema"
-"""The least that makes SQLite look at a file."""
-APPLICATION = int.from_bytes(b"STLB", "big")
-"""In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
+_COUNT_TABLES = "SELECT count(*) FROM sqlite_schema"  # the cheapest query that makes SQLite look at a file
+APPLICATION = int.from_bytes(b"STLB", "big")  # in `PRAGMA application_id`: tells a ledger from any other SQLite file
 _IDENTITY = """key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL,
     seed INTEGER NOT NULL, budget TEXT NOT NULL, track TEXT NOT NULL"""
 _TABLES = (
@@ -195,14 +190,11 @@ _NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training
 
 
 class Row(NamedTuple):
-    number: int
-    """Rows that were recorded later have greater numbers."""
+    number: int  # rows that were recorded later have greater numbers
     key: str
     status: Status
-    failures: int
-    """How often in a row the cell has failed."""
-    again: bool
-    """Whether the next run measures the cell."""
+    failures: int  # how often in a row the cell has failed
+    again: bool  # whether the next run measures the cell
     cell: CellId
 
     @classmethod

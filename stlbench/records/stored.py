@@ -21,8 +21,7 @@ from stlbench.records.schema import LONGEST, Row
 from stlbench.records.status import NOT_RUN
 
 _T = TypeVar("_T")
-SUFFIX = ".jsonl"
-"""Of files of lines."""
+SUFFIX = ".jsonl"  # of files of lines
 LINES = "cells" + SUFFIX
 """Name of the text file in a folder of results: one cell per line, ordered, nothing rounded and nothing left out but
 the paths of tasks that are folders. A cell that was planned and has no result is there with the status `not run`."""

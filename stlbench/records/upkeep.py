@@ -75,18 +75,12 @@ def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
 class Merged(NamedTuple):
     """The outcome of a merge, in numbers of cells."""
 
-    added: int
-    """Cells that the folder did not have."""
-    replaced: int
-    """Cells whose result was older, or a failure."""
-    kept: int
-    """Not copied, since the folder has one that is not older, or no failure."""
-    planned: int
-    """Cells without a result in either folder."""
-    conflicts: tuple[str, ...]
-    """Names of cells with equal keys and different scores: one of the two results stays."""
-    damaged: tuple[str, ...]
-    """Files that differ from their checksums; they were not copied."""
+    added: int  # cells that the folder did not have
+    replaced: int  # cells whose result was older, or a failure
+    kept: int  # not copied: the folder has a newer result, or one that is no failure
+    planned: int  # cells without a result in either folder
+    conflicts: tuple[str, ...]  # names of cells with equal keys and different scores: one of the two results stays
+    damaged: tuple[str, ...]  # files that differ from their checksums; they were not copied
 
 
 def merge(into: Path, source: Path) -> Merged:

@@ -16,20 +16,15 @@ from stlbench.records.outputs import POLICIES, TRACES, cell_files, end_of_name, 
 from stlbench.records.result import Result
 from stlbench.records.schema import checksums_beside
 
-DAMAGED = FILE + ".damaged"
-"""The name that `repair` gives to a ledger with an unreadable part."""
+DAMAGED = FILE + ".damaged"  # the name that `repair` gives to a ledger with an unreadable part
 
 
 class Damage(NamedTuple):
-    key: str
-    """Of the cell."""
-    cell: CellId | None
-    """None if it cannot be read."""
-    what: str
-    """row, traces or policies."""
+    key: str  # of the cell
+    cell: CellId | None  # None if it cannot be read
+    what: str  # row, traces or policies
     problem: str
-    own_key: str = ""
-    """The key of its result, if the columns of its row are damaged, perhaps also `key`."""
+    own_key: str = ""  # the key of its result, if the columns of its row are damaged, perhaps also `key`
 
     @property
     def name(self) -> str:
@@ -37,15 +32,11 @@ class Damage(NamedTuple):
 
 
 class Verified(NamedTuple):
-    rows: int
-    """How many were checked."""
-    files: int
-    """How many have the recorded checksum."""
-    structure: tuple[str, ...]
-    """What SQLite reports about the ledger's structure."""
+    rows: int  # how many were checked
+    files: int  # how many have the recorded checksum
+    structure: tuple[str, ...]  # what SQLite reports about the ledger's structure
     damages: tuple[Damage, ...]
-    marked: int
-    """How many cells the next run measures."""
+    marked: int  # how many cells the next run measures
     strays: tuple[str, ...] = ()
     """Files of traces and policies in the folder without a row and a plan: rows may be lost."""
 

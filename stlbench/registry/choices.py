@@ -122,10 +122,8 @@ def _item(text: str, start: int, end: int) -> str:
 class Parameter:
     """A keyword-only argument of a plugin's constructor."""
 
-    hint: Any
-    """Its annotation; Any where it has none."""
-    default: Any
-    """`inspect.Parameter.empty` where it must be given."""
+    hint: Any  # its annotation; Any where it has none
+    default: Any  # `inspect.Parameter.empty` where it must be given
 
     @property
     def text(self) -> str:

@@ -18,12 +18,9 @@ _ITEM = re.compile(r"^(\w+): (.*(?:\n(?: .*|$))*)", re.MULTILINE)
 class Docstring:
     """A docstring in Google's style, taken apart. The texts of items are single lines."""
 
-    text: str
-    """All before the first section."""
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    """Parameter -> what it means."""
-    raises: Mapping[str, str] = field(default_factory=dict)
-    """Exception -> when."""
+    text: str  # all before the first section
+    parameters: Mapping[str, str] = field(default_factory=dict)  # parameter -> what it means
+    raises: Mapping[str, str] = field(default_factory=dict)  # exception -> when
 
 
 def read(kind: type) -> Docstring:

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import yaml
 
-TASK_FILE = "task.yaml"
-"""The name that a task's file always has."""
+TASK_FILE = "task.yaml"  # the name that a task's file always has
 WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
 """What it says for people, tables and pictures alone."""
 _TEXT = r"\"\"\"(?:\\.|(?!\"\"\").)*\"\"\"|'''(?:\\.|(?!''').)*'''|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'"
@@ -24,8 +23,7 @@ _ALIAS = re.compile(rb"(?:^|\s)\*\w")
 
 
 class _Source(NamedTuple):
-    digest: str
-    """16 hex digits."""
+    digest: str  # 16 hex digits
     imports: tuple[str, ...] = ()
     """Of a Python module: the names that it imports anywhere, `package.thing` for `from package import thing`, so that
     some may be no modules."""

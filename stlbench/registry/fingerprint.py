@@ -19,8 +19,7 @@ from stlbench.registry.effective_source import TASK_FILE, effective_digest
 
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
-_RESULTS = ("ledger.sqlite", "cells.jsonl")
-"""A folder that has one of these is of results, which a run writes."""
+_RESULTS = ("ledger.sqlite", "cells.jsonl")  # a folder that has one of these is of results, which a run writes
 _INSTALLED = {"site-packages", "dist-packages"}
 
 

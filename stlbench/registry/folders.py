@@ -29,8 +29,7 @@ _FILE, _MODULE = "task.yaml", "system"
 
 @dataclass(frozen=True)
 class FolderTask(plugins.Plugin):
-    folder: Path
-    """Absolute."""
+    folder: Path  # absolute
 
     def __str__(self) -> str:
         return f"task '{self.name}' in {self.folder}"

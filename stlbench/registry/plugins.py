@@ -28,10 +28,8 @@ _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "logs": (contract.RunLog,),
     "suites": (contract.Suite,),
 }
-KINDS = tuple(_CONTRACTS)
-"""The kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"."""
-OWN = DISTRIBUTION
-"""The distribution whose names nobody can take over."""
+KINDS = tuple(_CONTRACTS)  # the kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"
+OWN = DISTRIBUTION  # the distribution whose names nobody can take over
 
 
 class PluginError(UsageError):

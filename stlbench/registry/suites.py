@@ -17,8 +17,7 @@ class SuitePlugin(plugins.Plugin):
     """A task of a suite, in the place of an entry point."""
 
     suite: plugins.Plugin
-    member: str
-    """Its name within the suite: unicycle/sequence/7."""
+    member: str  # its name within the suite: unicycle/sequence/7
 
     @property
     def revised(self) -> tuple[str, str]:

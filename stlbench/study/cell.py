@@ -27,14 +27,10 @@ class Cell:
     """One training run and its evaluation."""
 
     id: CellId
-    key: str
-    """Hash (32 hex digits) of all that can change the result, and of nothing else."""
-    deadline: float
-    """Wall seconds after which it is stopped."""
-    recipe: Recipe | None = None
-    """That of its method, on the track `tuned`."""
-    folder: Path | None = None
-    """Where its task is, for a task that is a folder."""
+    key: str  # hash (32 hex digits) of all that can change the result, and of nothing else
+    deadline: float  # wall seconds after which it is stopped
+    recipe: Recipe | None = None  # of its method, on the track `tuned`
+    folder: Path | None = None  # where its task is, for a task that is a folder
     parts: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     """Name and hash of each part of the key but the track and the seed, as `keys.PARTS` names them."""
     code: tuple[Code, ...] = field(default=(), repr=False)
@@ -73,8 +69,7 @@ _NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True) | 
 """What a task file says that changes no result, or is in the key of a cell by itself."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """What it says of environments alone."""
-_OF_BUDGET = {"steps", "checkpoints", "patience", "random_starts"}
-"""What of a budget changes a result."""
+_OF_BUDGET = {"steps", "checkpoints", "patience", "random_starts"}  # what of a budget changes a result
 _NO_CODE = Code()
 
 

@@ -15,8 +15,7 @@ from stlbench.registry import folders
 from stlbench.study.cell import Cell, digest
 from stlbench.study.provenance import code_of
 
-_EXAMINED = 100
-"""Outdated results of which is said what has changed; to read all of a long study would take seconds."""
+_EXAMINED = 100  # old results that are compared with today's code, at most: to read all of a long study takes seconds
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,9 @@ from stlbench.rollout import referee
 from stlbench.study.cell import Cell
 from stlbench.task import Task
 
-_CLOSE = 1e-9
-"""Relative and absolute difference that is none: of the sums of several versions of a library."""
-APART = True
-"""Whether results of cells with plugins of others are looked at in another process."""
-_DEADLINE = 300.0
-"""Seconds for an answer: a task of others has to be loaded."""
+_CLOSE = 1e-9  # a smaller difference, relative or absolute, comes from another version of a library
+APART = True  # whether results of cells with plugins of others are looked at in another process
+_DEADLINE = 300.0  # seconds for an answer: a task of others has to be loaded
 
 
 def contradiction(cell: Cell, result: Result, folder: Path, seconds: float = math.inf) -> str | None:

@@ -24,8 +24,7 @@ Form = Literal["gif", "webp", "mp4", "png"]
 
 class Filmed(NamedTuple):
     paths: tuple[Path, ...]
-    remarks: tuple[str, ...]
-    """What is not as one would expect, in a line each."""
+    remarks: tuple[str, ...]  # a line for each surprise
 
 
 def film_cell(run: Path, result: Result, which: Which, start: Start, form: Form, out: Path) -> Filmed:

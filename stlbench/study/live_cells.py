@@ -18,16 +18,12 @@ from stlbench.records.outputs import inside, write
 if TYPE_CHECKING:
     from rich.console import Console
 
-FOLDER = "running"
-"""Name of the folder, in a folder of results. It has a file for each cell that runs."""
+FOLDER = "running"  # name of the folder, in a folder of results. It has a file for each cell that runs.
 Glance = Callable[[], tuple[float, float]]
 """Scores a checkpoint from a few starts: the share that satisfies, in [0, 1], and the mean robustness."""
-_SHARE = 0.02
-"""Of its time, a cell may spend so much on scores that only someone who watches needs."""
-_SECONDS = 0.2
-"""Between two writings at least."""
-_POINTS = 200
-"""Of a curve, at most; budgets have ten to twenty checkpoints."""
+_SHARE = 0.02  # of a cell's time, for scores that only someone who watches needs
+_SECONDS = 0.2  # least time between two writings
+_POINTS = 200  # of a curve, at most; budgets have ten to twenty checkpoints
 _BARS = 20
 
 
@@ -35,16 +31,11 @@ _BARS = 20
 class Running:
     name: str
     budget: str
-    of: int
-    """Environment steps of its training."""
-    began: float
-    """When, in seconds since 1970."""
-    steps: int = 0
-    """Environment steps at its last checkpoint."""
-    told: float = 0.0
-    """When that was; at first when it began."""
-    satisfaction: float | None = None
-    """From a few starts, at the last checkpoint that was scored; None before one was."""
+    of: int  # environment steps of its training
+    began: float  # when, in seconds since 1970
+    steps: int = 0  # environment steps at its last checkpoint
+    told: float = 0.0  # time of the last checkpoint; at first when it began
+    satisfaction: float | None = None  # from a few starts, at the last scored checkpoint; None before one
     robustness: float | None = None
     curve: tuple[tuple[int, float, float], ...] = ()
     """Of the checkpoints that were scored, the latest: steps, share that satisfies, mean robustness."""

@@ -21,12 +21,9 @@ from stlbench.study.live_cells import running
 if TYPE_CHECKING:
     from stlbench.study.run import Progress
 
-_LOOK = 1.0
-"""Seconds between two looks at what runs."""
-_MOST_SECONDS = 30.0
-"""That one call of a log may take."""
-_END_SECONDS = 60.0
-"""That logs may take for what is left, when the run has ended."""
+_LOOK = 1.0  # seconds between two looks at what runs
+_MOST_SECONDS = 30.0  # that one call of a log may take
+_END_SECONDS = 60.0  # that logs may take after the end of a run
 _LOGGED = {
     "satisfaction": "satisfaction",
     "robustness": "robustness_mean",

@@ -24,17 +24,14 @@ from stlbench.task import Task, load_task
 
 _T = TypeVar("_T")
 EXECUTOR = "local"
-DEADLINE = 120.0
-"""Seconds for what takes milliseconds, or some seconds on a MuJoCo model."""
-LONG = 3600.0
-"""Seconds for a policy that acts from all starts of a report: what a cell has by default."""
+DEADLINE = 120.0  # seconds for what takes milliseconds, or some seconds on a MuJoCo model
+LONG = 3600.0  # seconds for a policy that acts from all starts of a report: what a cell has by default
 
 
 @dataclass(frozen=True)
 class _Call:
     question: Question[Any]
-    folders: tuple[Path, ...]
-    """Of those of its tasks that are folders."""
+    folders: tuple[Path, ...]  # of its tasks that are folders
 
 
 @dataclass(frozen=True)
@@ -81,8 +78,7 @@ def load_guarded(choice: Choice | str) -> Task:
     return load_task(chosen)
 
 
-_UNANSWERED, _LOADED = dict[Any, Unanswered](), set[Any]()
-"""What was not answered, and which tasks could be loaded."""
+_UNANSWERED, _LOADED = dict[Any, Unanswered](), set[Any]()  # what was not answered, and which tasks could be loaded
 
 
 def _identity(question: Question[Any]) -> Any:

@@ -28,10 +28,8 @@ from stlbench.task.starts import StateStarts
 class LoadedPolicy(NamedTuple):
     """What the referee needs to let a stored policy act: `record(kept.task, kept.method, kept.policy, states)`."""
 
-    task: Task
-    """As the cell's track and recipe have it."""
-    method: RewardMethod
-    """Gives the policy the inputs that it was trained with."""
+    task: Task  # as the cell's track and recipe have it
+    method: RewardMethod  # gives the policy the inputs that it was trained with
     policy: Policy
 
 
@@ -90,25 +88,21 @@ def _check(name: str, task: Task, method: RewardMethod, stored: StoredPolicies, 
 class Start:
     """Which one: of the report's, or anywhere. All of the report's where neither is said."""
 
-    index: int | None = None
-    """Of the report's grid, counted from 0."""
+    index: int | None = None  # of the report's grid, counted from 0
     point: tuple[float, ...] | None = None
     """In the coordinates of the task's `initial` box; of an environment whose starts are seeds, one of them."""
 
 
-EVERY = Start()
-"""All starts of the report's grid."""
+EVERY = Start()  # all starts of the report's grid
 
 
 class Replay(NamedTuple):
     """Traces of a policy, and what the referee says of them."""
 
     task: Task
-    method: RewardMethod | None
-    """None where traces were recorded, and nothing acted again."""
+    method: RewardMethod | None  # None for recorded traces, where nothing acted again
     recording: Recording
-    robustness: tuple[float, ...]
-    """From each start."""
+    robustness: tuple[float, ...]  # from each start
 
 
 def parse_start(text: str) -> tuple[float, ...]:

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 _MINUTE = 60.0
-_LISTED = 8
-"""Cells that run, of which so many are listed."""
-_SOON = 0.5
-"""Seconds. A shorter time is not said: it is that of a cell that takes longer than all before it."""
+_LISTED = 8  # running cells that are listed, at most
+_SOON = 0.5  # seconds; a shorter rest is not said: the last cell takes longer than was expected
 
 
 class Tally:

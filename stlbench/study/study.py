@@ -92,10 +92,8 @@ class Option:
     """How the command line shows a field of `Study`; the field's description is the help."""
 
     metavar: str
-    default: str = ""
-    """The default for the help, where the field's own value does not say it."""
-    completes: str = ""
-    """The kind of plugins whose names the shell completes."""
+    default: str = ""  # the default for the help, where the field's own value does not say it
+    completes: str = ""  # the kind of plugins whose names the shell completes
 
 
 _Some = Annotated[tuple[Choice, ...], Field(min_length=1)]

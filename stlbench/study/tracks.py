@@ -26,10 +26,8 @@ class Recipe:
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
-    """Parameters of the agent."""
-    hold: Count | None = None
-    """Steps for which an action is held; the task's own where None."""
+    agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)  # parameters of the agent
+    hold: Count | None = None  # steps for which an action is held; the task's own where None
 
 
 _Found = Mapping[str, Mapping[str, Mapping[str, Recipe]]]
@@ -39,8 +37,7 @@ _Found = Mapping[str, Mapping[str, Mapping[str, Recipe]]]
 @dataclass(frozen=True)
 class Recipes:
     found: _Found
-    source: str
-    """The file, for messages."""
+    source: str  # the file, for messages
 
     def of(self, task: Choice, agent: Choice, method: Choice) -> Recipe:
         """The recipe of a method. Raises `UsageError` if there is none."""

@@ -37,14 +37,12 @@ class Clock:
 class Checkpoint(NamedTuple):
     policy: Policy | StatePolicy
     steps: int
-    cpu_seconds: float
-    """Of training so far."""
+    cpu_seconds: float  # of training so far
 
 
 class Trained(NamedTuple):
     final: Policy | StatePolicy
-    checkpoints: list[Checkpoint]
-    """At least one: where an agent reported none, its final policy."""
+    checkpoints: list[Checkpoint]  # at least one: the final policy of an agent that reported none
     env_steps: int
     clock: Clock
     observation_size: int
@@ -116,12 +114,9 @@ def _task_of_agent(
 class Patience:
     """Ends a training that does not improve any more (`Budget.patience`)."""
 
-    checkpoints: int
-    """Without a better one."""
-    best: float | None = None
-    """The largest mean robustness of those that satisfied from all starts, if any did."""
-    since: int = 0
-    """Checkpoints after it."""
+    checkpoints: int  # that may pass without a better one
+    best: float | None = None  # largest mean robustness of checkpoints that satisfy from all starts
+    since: int = 0  # checkpoints after the best one
 
     def ends(self, satisfaction: float, robustness: float) -> bool:
         """Note a checkpoint's scores; whether the last checkpoints were no better than one before."""

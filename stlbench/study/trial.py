@@ -27,8 +27,7 @@ from stlbench.study.tracks import Recipe
 from stlbench.study.training import Checkpoint, Clock, train
 from stlbench.task import Task, build_agent, build_method
 
-_REWARDED = 16
-"""Copies that are stepped to measure the time of a reward."""
+_REWARDED = 16  # copies that are stepped to measure the time of a reward
 
 
 def run_cell(cell: Cell, folder: Path | None = None) -> Result:
@@ -53,12 +52,10 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
 
 class Measured(NamedTuple):
     numbers: Measurement
-    assessment: Assessment
-    """The selected policy's report."""
+    assessment: Assessment  # the selected policy's report
     selected: Policy | StatePolicy
     final: Policy | StatePolicy
-    observation_size: int
-    """D; 0 where no environment was made."""
+    observation_size: int  # D; 0 where no environment was made
 
 
 def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, folder: Path) -> Measurement:

@@ -28,26 +28,21 @@ from stlbench.task.task import Task
 if TYPE_CHECKING:
     import optuna
 
-FIRST_SEED = 100
-"""Of tuning. Those below are reported."""
+FIRST_SEED = 100  # of tuning. Those below are reported.
 HOLD = "hold"
 """In a search space, the steps for which the task holds an action; everything else is a parameter of the agent."""
 _AT_ONCE = 2
 """Trials of one entrant that are chosen before the results of either are known, so that two cores have work."""
-_AT_RANDOM = 6
-"""Trials before the search begins to choose by what came of them."""
+_AT_RANDOM = 6  # trials before the search begins to choose by what came of them
 Value = float | int | str | bool
 Values = Mapping[str, Value]
 
 
 class Trial(NamedTuple):
     values: Values
-    status: str
-    """`done` where all of its seeds are, else how the first ended that is not."""
-    satisfaction: float | None = None
-    """Share of the starts for selection that satisfy, mean over the seeds, in [0, 1]."""
-    robustness: float | None = None
-    """From these starts, mean over the seeds."""
+    status: str  # `done` where all of its seeds are, else how the first ended that is not
+    satisfaction: float | None = None  # share of the starts for selection that satisfy, mean over the seeds, in [0, 1]
+    robustness: float | None = None  # from these starts, mean over the seeds
 
     @property
     def rank(self) -> tuple[float, float]:
@@ -65,8 +60,7 @@ class Entrant:
     agent: Choice
     method: Choice
     space: Mapping[str, tuple[Value, ...]]
-    shared: Values
-    """The values of the recipe that all methods share: the first trial."""
+    shared: Values  # the values of the recipe that all methods share: the first trial
     trials: list[Trial] = field(default_factory=list)
 
     @property
