@@ -226,17 +226,18 @@ def _tables(facts: dict[str, Any]) -> Iterator[Table]:
     recipes = [{"agent": key, "parameters": _listed(recipe)} for key, recipe in facts["agents"].items()]
     methods = [{"method": key} | _summary(made) for key, made in facts["methods"].items()]
     counted = any("count" in axis for axis in facts["actions"].values())
-    for title, rows, *notes in (
-        ("Terms and the range of their robustness", terms),
-        ("Signals", _named("signal", facts["signals"])),
-        ("Actions" if counted else "Actions, continuous", _named("action", facts["actions"])),
-        ("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in facts["robots"].items()]),
-        ("Training episodes", training, *_TRAINING_NOTES),
-        ("Budgets", _named("budget", facts["budgets"])),
-        ("Further protocols", _named("protocol", facts["protocols"])),
-        ("Recipes, the task's own agent first", recipes, _NO_RECIPE),
-        ("Methods", methods, *_equal(facts)),
-    ):
+    parts: tuple[tuple[str, list[dict[str, Any]], tuple[str, ...]], ...] = (
+        ("Terms and the range of their robustness", terms, ()),
+        ("Signals", _named("signal", facts["signals"]), ()),
+        ("Actions" if counted else "Actions, continuous", _named("action", facts["actions"]), ()),
+        ("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in facts["robots"].items()], ()),
+        ("Training episodes", training, _TRAINING_NOTES),
+        ("Budgets", _named("budget", facts["budgets"]), ()),
+        ("Further protocols", _named("protocol", facts["protocols"]), ()),
+        ("Recipes, the task's own agent first", recipes, (_NO_RECIPE,)),
+        ("Methods", methods, tuple(_equal(facts))),
+    )
+    for title, rows, notes in parts:
         if rows:
             yield table(title, [{key: _plain(value) for key, value in row.items()} for row in rows], *notes)
 

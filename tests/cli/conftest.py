@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,11 @@ from typer.testing import CliRunner, Result
 
 from stlbench.cli import app
 from stlbench.records.outputs import write
+from stlbench.report import film
+from stlbench.report.figures import trace_figures
 from stlbench.report.figures.files import Drawing
+from stlbench.search import outputs
+from stlbench.study import filming
 
 ENTRIES = """
 [stlbench.methods]
@@ -137,13 +142,16 @@ def drawn() -> None:
 
 @pytest.fixture(autouse=True)
 def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Write empty files as figures, unless a test asks for `drawn`: drawing takes most of the time of a run."""
+    """Write empty files as figures and films, unless a test asks for `drawn`: to draw takes most of the time."""
     if "drawn" not in request.fixturenames:
-        monkeypatch.setattr(Drawing, "write", _placeholders)
+        monkeypatch.setattr(Drawing, "write", lambda drawing, folder: _placeholders(None, folder, drawing.name))
+        for module in (outputs, filming, trace_figures):
+            monkeypatch.setattr(module, "save", _placeholders)
+        monkeypatch.setattr(film, "write", lambda *arguments: write(arguments[4], b"") and "")
 
 
-def _placeholders(drawing: Drawing, folder: Path) -> list[Path]:
-    return [write(folder / f"{drawing.name}.{end}", b"") for end in ("png", "svg", "pdf")]
+def _placeholders(figure: object, folder: Path, name: str) -> list[Path]:
+    return [write(folder / f"{name}.{end}", b"") for end in ("png", "svg", "pdf")]
 
 
 @pytest.fixture
@@ -194,3 +202,28 @@ def say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result
         return found
 
     return invoke
+
+
+TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
+
+
+@pytest.fixture
+def once(say: Callable[..., Result], toy: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., None]:
+    """Say a command once for all tests of a process; the others get a copy of the files that it wrote."""
+
+    def said(*words: str) -> None:
+        kept = tmp_path_factory.getbasetemp() / "once" / " ".join(words).replace("/", ":")
+        if kept.is_dir():
+            shutil.copytree(kept, Path.cwd(), dirs_exist_ok=True)
+        else:
+            done = say(*words)
+            assert done.exit_code == 0, done.output
+            shutil.copytree(Path.cwd(), kept)
+
+    return said
+
+
+@pytest.fixture
+def ran(once: Callable[..., None]) -> None:
+    """A folder `results` with two finished cells, the seeds 0 and 1 of toy-raw."""
+    once(*TOY, "--methods", "toy-raw")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from cli.conftest import TOY
 
 
 def advice(say, *words):
@@ -52,7 +53,7 @@ def test_wrong_formulas_get_one_line(say, words, message):
 
 
 def test_results_put_the_best_first(say, toy, tmp_path):
-    run = say("run", "--tasks", "toy-line", "--methods", "toy-raw[weight=2],toy-raw", "--results", str(tmp_path))
+    run = say(*TOY, "--methods", "toy-raw[weight=2],toy-raw", "--results", tmp_path)
     assert run.exit_code == 0, run.stderr
     first, second, *rest = advice(say, "toy-line", "--results", str(tmp_path))["fit"]
     assert {first["method"], second["method"]} == {"toy-raw[weight=2]", "toy-raw"}
@@ -82,8 +83,7 @@ def test_bad_input_is_one_line(say, words, said):
     assert (done.exit_code, done.stderr) == (2, said)
 
 
-def test_results_without_the_task(say, toy, tmp_path):
-    assert say("run", "--tasks", "toy-line", "--methods", "toy-raw", "--results", str(tmp_path)).exit_code == 0
-    done = say("advise", "hold-disc", "--results", str(tmp_path))
+def test_results_without_the_task(say, ran):
+    done = say("advise", "hold-disc", "--results", "results")
     assert done.exit_code == 2
     assert "has no finished cell of hold-disc with dqn on the track shared" in done.stderr

@@ -13,19 +13,15 @@ import pytest
 from helpers.refusals import refused
 from typer.testing import Result
 
-RUN = ("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here", "--seeds", "1", "--agents")
+RUN = ("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here", "--seeds", "1")
 STILL, UP = "toy-line/toy-raw/toy-agent/0", "toy-line/toy-raw/toy-agent[action=2]/0"
 """From x_0 in [-1, 0.9] the robustness is 1 - x_0 of the one, and 1 - x_0 - 2 of the other."""
 
 
 @pytest.fixture
-def cells(say: Callable[..., Result], toy: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    """Train both cells, with policies that are kept; what says commands."""
-    agents: Any = importlib.import_module("toy_plugins.agents")
-    monkeypatch.setattr(agents.Always, "arrays", lambda self: {"action": np.array(self.action)}, raising=False)
-    restore = classmethod(lambda cls, arrays, actions: agents.Always(int(arrays["action"])))
-    monkeypatch.setattr(agents.Still, "restore", restore, raising=False)
-    assert say(*RUN, "toy-agent,toy-agent[action=2]").exit_code == 0
+def cells(say: Callable[..., Result], once: Callable[..., None]) -> Callable[..., Result]:
+    """Train both cells; what says commands."""
+    once(*RUN, "--agents", "toy-agent,toy-agent[action=2]")
     return say
 
 

@@ -17,15 +17,10 @@ GATE = ("gate", "reference", "--budget", "quick", *HERE)
 
 
 @pytest.fixture
-def reference(say, toy):
+def reference(once):
     """Make a reference of the methods named."""
-
-    def make(methods="toy-raw", seeds="3"):
-        done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", methods, "--seeds", seeds)
-        assert done.exit_code == 0, done.output
-        return done
-
-    return make
+    words = ("gate", "reference", "--update", *TOY, *HERE)
+    return lambda methods="toy-raw", seeds="3": once(*words, "--methods", methods, "--seeds", seeds)
 
 
 def edit_reference(pattern, text):
@@ -49,11 +44,8 @@ def summary(folder="results/gate"):
     return json.loads(Path(folder, "gate.json").read_text())
 
 
-# --------------------------------------------------------------------------------------------------------- updating
-
-
-def test_update_writes_a_reference(reference):
-    done = reference("toy-raw,toy-large")
+def test_update_writes_a_reference(say, toy):
+    done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", "toy-raw,toy-large", "--seeds", "3")
     assert done.stdout == "Written to reference/: cells.csv, provenance.json; 6 cells\n"
     assert [(row["method"], row["seed"], row["status"]) for row in rows()] == [
         *(("toy-large", seed, "intractable") for seed in "012"),
@@ -71,9 +63,6 @@ def test_update_writes_no_reference_of_cells_that_failed(say, toy):
         "1 of 2 cells failed; no reference was written\n"
     )
     assert not Path("reference").exists()
-
-
-# ------------------------------------------------------------------------------------------------------ the verdicts
 
 
 def test_equal_code_is_no_worse(reference, say):
@@ -170,9 +159,6 @@ def test_ctrl_c_keeps_what_is_done(reference, say, monkeypatch):
     assert say(*GATE, "--results", "other").stderr.splitlines()[0] == "3 cells, 1 of them done before"
 
 
-# --------------------------------------------------------------------------------------------------------- comparing
-
-
 def test_compare_takes_folders_ledgers_and_references(reference, say):
     reference()
     say("run", *TOY, *HERE, "--methods", "toy-raw", "--seeds", "3")
@@ -205,9 +191,9 @@ def test_compare_as_json(reference, say):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_bad_input_exits_2_with_one_line(reference, say):
+    reference()
+    for words, message in (
         (["compare", "nowhere", "reference"], "there is neither nowhere/ledger.sqlite nor cells.jsonl"),
         (["compare", ".", "reference"], ". has neither ledger.sqlite nor cells.csv"),
         (["gate", "nowhere"], "there is no reference at nowhere; --update with --tasks and --methods makes one"),
@@ -215,8 +201,5 @@ def test_compare_as_json(reference, say):
         ([*GATE, "--methods", "toy-rwa"], "the reference has no cells of method 'toy-rwa'; did you mean 'toy-raw'?"),
         ([*GATE, "--seeds", "4"], "the reference has no cells of seed '3'; there are: 0, 1, 2"),
         ([*GATE, "--results", "reference"], "--results reference is the reference itself"),
-    ],
-)
-def test_bad_input_exits_2_with_one_line(reference, say, words, message):
-    reference()
-    assert message in refused(say(*words))
+    ):
+        assert message in refused(say(*words))

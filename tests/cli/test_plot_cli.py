@@ -46,7 +46,7 @@ def test_plot_draws_the_rewarded_form_where_it_is_asked_for(run, say, toy):
     assert {*say("plot", "results", "--out", "pictures", "--only", "rewarded").stdout.splitlines()} == form
 
 
-def test_plot_draws_what_is_asked_for_beside_the_report(run, say, drawn):
+def test_plot_draws_what_is_asked_for_beside_the_report(run, say):
     run("toy-raw,toy-raw[weight=2]")
     done = say("plot", "results", "--methods", "toy-raw[weight=2]", "--tasks", "toy-line")
     assert done.exit_code == 0
@@ -55,25 +55,18 @@ def test_plot_draws_what_is_asked_for_beside_the_report(run, say, drawn):
     assert "toy-raw-toy-agent" not in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_bad_input_is_one_line(run, say):
+    run("toy-raw,toy-large")
+    for words, message in (
         (("plot", "resluts"), "error: there is neither resluts/ledger.sqlite nor cells.jsonl"),
         (("render", "resluts", CELL), "error: there is neither resluts/ledger.sqlite nor cells.jsonl"),
-        (
-            ("render", "results", "toy-lime/toy-raw/toy-agent/0"),
-            "there is no cell 'toy-lime/toy-raw/toy-agent/0'; did you mean 'toy-line/toy-raw/",
-        ),
+        (("render", "results", "toy-lime/toy-raw/toy-agent/0"), "did you mean 'toy-line/toy-raw/"),
         (("render", "results", "toy-line/toy-large/toy-agent/0"), "has no policy to film: intractable: needs 6003"),
-    ],
-)
-def test_bad_input_is_one_line(run, say, words, message):
-    run("toy-raw,toy-large")
-    assert message in refused(say(*words))
+    ):
+        assert message in refused(say(*words))
 
 
-def test_render_writes_a_film_of_the_cell(run, say):
-    run("toy-raw")
+def test_render_writes_a_film_of_the_cell(ran, say, drawn):
     done = say("render", "results", CELL)
     assert (done.exit_code, done.stderr) == (0, "")
     assert done.stdout == "results/films/film-toy-line-toy-raw-toy-agent-0-quick.gif\n"
@@ -82,9 +75,8 @@ def test_render_writes_a_film_of_the_cell(run, say):
         assert image.n_frames > 1
 
 
-def test_the_states_of_the_best_and_the_worst_start_are_saved(run):
+def test_the_states_of_the_best_and_the_worst_start_are_saved(ran):
     """v = 0 throughout, so the robustness of G[0,4] (x <= 1) is 1 - x_0, and the states are the signals."""
-    run("toy-raw")
     path = sorted(Path("results/traces").iterdir())[0]
     with np.load(path) as saved:
         traces, extremes, states = saved["traces"], saved["extremes"], saved["states"]
@@ -94,8 +86,7 @@ def test_the_states_of_the_best_and_the_worst_start_are_saved(run):
     assert np.array_equal(states, traces[extremes])
 
 
-def test_a_cell_whose_traces_are_gone(run, say):
-    run("toy-raw")
+def test_a_cell_whose_traces_are_gone(ran, say):
     for path in Path("results/traces").iterdir():
         path.unlink()
     assert f"error: {CELL} has no traces at results/traces/" in refused(say("render", "results", CELL))
@@ -106,8 +97,7 @@ def test_a_cell_whose_traces_are_gone(run, say):
     ]
 
 
-def test_two_budgets_of_one_cell_are_told_apart(run, say, toy):
-    run("toy-raw")
+def test_two_budgets_of_one_cell_are_told_apart(ran, say, toy):
     task = toy / "toy_plugins/line/task.yaml"
     quick = "  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2, random_starts: 0}\n"
     task.write_text(task.read_text().replace(quick, quick + quick.replace("quick: {steps: 8", "other: {steps: 16")))

@@ -6,18 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
+from cli.conftest import TOY
 from helpers.bundles import changed
 from helpers.pages import Page
 from helpers.refusals import refused
 
-RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods", "toy-raw")
-
 
 @pytest.fixture
-def bundles(say, toy) -> None:
+def bundles(once) -> None:
     for name, seeds in (("mine", "0-1"), ("theirs", "2-3")):
-        assert say(*RUN, "--seeds", seeds, "--results", name).exit_code == 0
-        assert say("bundle", name, f"{name}.zip", "--author", "Ada Lovelace").exit_code == 0
+        once(*TOY, "--methods", "toy-raw", "--seeds", seeds, "--results", name)
+        once("bundle", name, f"{name}.zip", "--author", "Ada Lovelace")
 
 
 def test_bundles_stand_in_one_table_and_are_scored_again_where_asked(say, bundles) -> None:

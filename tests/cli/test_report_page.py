@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cli.conftest import TOY
 from helpers.pages import Page
 
 from stlbench.report import page as pages
-
-TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
 
 
 def test_writes_one_file_and_says_where(say, toy):
@@ -25,8 +24,7 @@ def test_writes_one_file_and_says_where(say, toy):
     assert "ValueError: no [such] luck" in page.text
 
 
-def test_of_a_folder_that_cannot_be_written_the_page_goes_elsewhere(say, toy):
-    say(*TOY, "--methods", "toy-raw")
+def test_of_a_folder_that_cannot_be_written_the_page_goes_elsewhere(say, ran):
     Path("results/report.html").mkdir()  # nor can the administrator write that
     refused = say("report", "results", "--html")
     assert (refused.exit_code, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
@@ -39,10 +37,9 @@ def test_of_a_folder_that_cannot_be_written_the_page_goes_elsewhere(say, toy):
     assert "--html" in alone.stderr
 
 
-def test_bad_input_is_one_line(say, toy, monkeypatch):
+def test_bad_input_is_one_line(say, ran, monkeypatch):
     nothing = say("report", "elsewhere", "--html")
     assert (nothing.exit_code, nothing.stdout, nothing.stderr.count("\n")) == (2, "", 1)
-    say(*TOY, "--methods", "toy-raw")
     monkeypatch.setattr(pages, "find_spec", lambda name: None)
     lacking = say("report", "results", "--html")
     assert (lacking.exit_code, lacking.stderr.count("\n")) == (2, 1)

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from cli.conftest import TOY
 from helpers.imports import HEAVY, imported
 from helpers.refusals import refused
 from helpers.synthetic_results import result
@@ -21,8 +22,6 @@ from stlbench.errors import UsageError
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.registry import plugins
 from stlbench.study.study import Study, parse_seeds
-
-TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ On toy-line x' = x + v / 2 for 4 steps, v in -1, 0, 1; the formula is G[0,4] x <
 
 from __future__ import annotations
 
+import importlib
 import json
 import sys
 from pathlib import Path
@@ -13,7 +14,6 @@ import numpy as np
 import pytest
 from helpers.refusals import refused
 from onnx import TensorProto, helper
-from PIL import Image
 
 from stlbench.gate.snapshot import load
 from stlbench.records.lock import writing
@@ -95,8 +95,7 @@ class TestOutside:
         assert robustness(content["name"]) == pytest.approx(-1 - begun())
         assert content["provenance"]["source"] == "zz_functions:up"
 
-    def test_recorded_traces_of_the_reports_starts_and_of_others(self, say, mine):
-        say(*RUN)
+    def test_recorded_traces_of_the_reports_starts_and_of_others(self, say, mine, ran):
         (traces,) = Path("results/traces").glob("toy-line_toy-raw_toy-agent_0_*.npz")
         done = say("score", "toy-line", traces, "--name", "again", "--json")
         assert json.loads(done.stdout)["provenance"]["begun_at"] == "the report's starts"
@@ -107,8 +106,7 @@ class TestOutside:
         assert robustness("toy-line/unknown/one/0/outside") == (0.5,)
         assert "one.csv (sha256" in say("score", "toy-line", "one.csv").stdout
 
-    def test_it_stands_beside_trained_cells_and_in_no_comparison(self, say, mine):
-        say(*RUN)
+    def test_it_stands_beside_trained_cells_and_in_no_comparison(self, say, mine, ran):
         alone = say("report", "results", "--json")
         say("score", "toy-line", "zz_functions:down", "--name", "down")
         say("score", "toy-line", "zz_functions:down", "--name", "down", "--method", "toy-raw")
@@ -130,8 +128,7 @@ class TestOutside:
         assert "sha256 " not in report.partition("Circumstances")[2]
         assert len(load(Path("results")).samples) == len(load(Path("results/cells.csv")).samples) == 2
 
-    def test_it_is_plotted_and_shown(self, say, mine):
-        say(*RUN)
+    def test_it_is_plotted_and_shown(self, say, mine, ran):
         say("score", "toy-line", "zz_functions:home", "--on", "state", "--name", "home")
         done = say("plot", "results", "--out", "pictures")
         assert done.exit_code == 0
@@ -202,9 +199,9 @@ class TestOutside:
         assert not Path("results").exists()
 
 
+@pytest.mark.usefixtures("ran")
 class TestStored:
-    def test_it_scores_as_recorded(self, say, toy):
-        say(*RUN)
+    def test_it_scores_as_recorded(self, say):
         before = Path("results/ledger.sqlite").read_bytes()
         for policy in ("selected", "final"):
             done = say("score", "toy-line", CELL, "--policy", policy)
@@ -212,8 +209,7 @@ class TestStored:
             assert done.stdout.startswith(f"{CELL}, {policy} policy, on toy-line: as recorded")
         assert Path("results/ledger.sqlite").read_bytes() == before
 
-    def test_on_another_task(self, say, toy):
-        say(*RUN)
+    def test_on_another_task(self, say):
         again = json.loads(say("score", "toy-line[hold=2]", CELL, "--json").stdout)
         scores = again.pop("scores")
         assert again == {"cell": CELL, "policy": "selected", "task": "toy-line[hold=2]", "as_recorded": None}
@@ -231,44 +227,39 @@ class TestStored:
         assert line == f"error: {CELL}: {said}"
         assert say("score", "toy-line[hold=2]", CELL).exit_code == 0
 
-    def test_options_that_are_for_policies_from_outside(self, say, toy):
-        say(*RUN)
+    def test_options_that_are_for_policies_from_outside(self, say):
         words = (("--name", "x"), ("--method", "toy-raw"), ("--on", "observation"), ("--seed", "0"))
         for option, value in words:
             line = refused(say("score", "toy-line", CELL, option, value))
             assert line == f"error: {CELL} is a stored cell; leave {option} out"
         assert "leave --method and --seed out" in refused(say("score", "toy-line", CELL, *words[1], *words[3]))
 
-    def test_a_file_that_was_changed_is_refused(self, say, toy):
-        say(*RUN)
+    def test_a_file_that_was_changed_is_refused(self, say):
         for path in Path("results/policies").iterdir():
             np.savez(path, **{"selected/action": np.array(2)})
         assert "does not have the selected policy of" in refused(say("score", "toy-line", CELL))
 
-    def test_no_onnx_form_is_one_line(self, say, toy):
-        say(*RUN)
+    def test_no_onnx_form_is_one_line(self, say):
         assert "policies of agent toy-agent have no ONNX form" in refused(say("export-policy", CELL, "p.onnx"))
         assert "p.txt: a policy is written as .onnx" in refused(say("export-policy", CELL, "p.txt"))
         assert not Path("p.onnx").exists()
 
-    def test_a_task_that_fails_now_exports_nothing(self, say, toy, monkeypatch):
+    def test_a_task_that_fails_now_exports_nothing(self, say, monkeypatch):
         def broken(self, state, action):
             raise ValueError("no\nsuch luck")
 
-        say(*RUN)
-        monkeypatch.setattr(sys.modules["toy_plugins.agents"].Always, "onnx", lambda self: always(1), raising=False)
+        agents, system = map(importlib.import_module, ("toy_plugins.agents", "toy_plugins.line.system"))
+        monkeypatch.setattr(agents.Always, "onnx", lambda self: always(1), raising=False)
         assert say("export-policy", CELL, "new/p.onnx").exit_code == 0
-        monkeypatch.setattr(sys.modules["toy_plugins.line.system"].Line, "step", broken)
+        monkeypatch.setattr(system.Line, "step", broken)
         said = refused(say("export-policy", CELL, "q.onnx"))
         assert said == f"error: {CELL} cannot be exported: ValueError: no such luck"
         assert not Path("q.onnx").exists()
 
-    def test_films_from_any_start(self, say, toy):
-        say(*RUN)
+    def test_films_from_any_start(self, say):
         done = say("render", "results", CELL, "--start", "-0.5")
         assert done.stdout.strip() == "results/films/film-toy-line-toy-raw-toy-agent-0-quick-start--0.5.gif"
-        with Image.open(done.stdout.strip()) as film:
-            assert film.n_frames > 1
+        assert Path(done.stdout.strip()).exists()
         done = say("render", "results", CELL, "--start-index", 3, "--policy", "final", "--format", "png")
         assert done.stdout.splitlines() == [
             f"results/films/{kind}-toy-line-toy-raw-toy-agent-0-quick-final-start-3.{end}"
@@ -276,16 +267,12 @@ class TestStored:
             for end in ("png", "svg", "pdf")
         ]
 
-    @pytest.mark.parametrize(
-        ("words", "message"),
-        [
+    def test_starts_that_are_none(self, say):
+        for words, message in (
             (["--start", "a"], "--start a: numbers separated by commas are expected, as in 0.3,1.2"),
             (["--start", "nan"], "--start nan: numbers separated by commas"),
             (["--start", "1,2"], "a start of toy-line has 1 numbers, x; got 2"),
             (["--start-index", "8"], "the report of toy-line has starts 0 to 7, got 8"),
             (["--start-index", "1", "--start", "1"], "--start and --start-index: one start, said once"),
-        ],
-    )
-    def test_starts_that_are_none(self, say, toy, words, message):
-        say(*RUN)
-        assert message in refused(say("render", "results", CELL, *words))
+        ):
+            assert message in refused(say("render", "results", CELL, *words))

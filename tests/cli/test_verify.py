@@ -73,15 +73,7 @@ def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     assert (done.exit_code, done.stderr) == (74, "error: cannot write\n")
 
 
-RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods", "toy-raw")
-
-
-@pytest.fixture
-def recorded(say, toy):
-    assert say(*RUN).exit_code == 0
-
-
-def test_a_bundle_of_a_run_is_fine(say, recorded) -> None:
+def test_a_bundle_of_a_run_is_fine(say, ran) -> None:
     done = say("bundle", "results", "--author", "Ada Lovelace")
     assert done.exit_code == 0
     assert done.stdout.startswith("Written to results.zip: 2 cells, policies of 2, ")
@@ -89,7 +81,7 @@ def test_a_bundle_of_a_run_is_fine(say, recorded) -> None:
     assert check(Path("results.zip")) == (2, 2, ())
 
 
-def test_compare_reads_bundles(say, recorded) -> None:
+def test_compare_reads_bundles(say, ran) -> None:
     say("bundle", "results", "one.zip")
     done = say("compare", "one.zip", "results")
     assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "# stlbench compare: no worse")
@@ -97,7 +89,7 @@ def test_compare_reads_bundles(say, recorded) -> None:
     assert refused(say("compare", "one.zip", "two.zip")).startswith("error: two.zip is no bundle")
 
 
-def test_verify_scores_a_bundle_again(say, recorded) -> None:
+def test_verify_scores_a_bundle_again(say, ran) -> None:
     say("bundle", "results", "mine.zip")
     done = say("verify", "mine.zip", "--rescore")
     assert done.exit_code == 0
@@ -110,7 +102,7 @@ def test_verify_scores_a_bundle_again(say, recorded) -> None:
     assert said["rescored"][0]["found"]["formula"]["satisfaction"] <= 1
 
 
-def test_verify_names_what_is_wrong_with_a_bundle(say, recorded) -> None:
+def test_verify_names_what_is_wrong_with_a_bundle(say, ran) -> None:
     say("bundle", "results", "mine.zip")
     changed(Path("mine.zip"), Path("other.zip"), {"report.md": b"better"})
     done = say("verify", "other.zip", "--rescore")
@@ -119,7 +111,7 @@ def test_verify_names_what_is_wrong_with_a_bundle(say, recorded) -> None:
     assert done.stdout.endswith("other.zip: 2 cells, policies of 2: not what it says\n")
 
 
-def test_verify_of_a_bundle_whose_results_were_changed_says_no_more_than_that(say, recorded) -> None:
+def test_verify_of_a_bundle_whose_results_were_changed_says_no_more_than_that(say, ran) -> None:
     say("bundle", "results", "mine.zip")
     with ZipFile("mine.zip") as archive:
         lines = archive.read("cells.jsonl")
@@ -134,7 +126,7 @@ def test_verify_of_a_bundle_whose_results_were_changed_says_no_more_than_that(sa
     )
 
 
-def test_options_that_do_not_fit_are_one_line(say, recorded) -> None:
+def test_options_that_do_not_fit_are_one_line(say, ran) -> None:
     say("bundle", "results", "mine.zip")
     for words in (("mine.zip", "--repair"), ("results", "--rescore"), ("no.zip",)):
         refused(say("verify", *words))
