@@ -70,18 +70,11 @@ def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
         app(["monitor", "x > 0", "trace.csv"])
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--help"],
-        ["monitor", "x > 0", "trace.csv", "--json"],
-        *(["list", kind] for kind in ("methods", "tasks", "agents", "executors", "logs")),
-        ["show", "method", "flag"],
-    ],
-)
-def test_starts_without_the_heavy_packages(tmp_path, words):
+def test_starts_without_the_heavy_packages(tmp_path):
     (tmp_path / "trace.csv").write_text("x\n1\n")
-    packages = imported(*words, folder=tmp_path)
+    lists = (["list", kind] for kind in ("methods", "tasks", "agents", "executors", "logs"))
+    said = ["--help"], ["monitor", "x > 0", "trace.csv", "--json"], *lists, ["show", "method", "flag"]
+    packages = imported(*said, folder=tmp_path)
     assert "typer" in packages
     assert not HEAVY & packages
 

@@ -321,14 +321,16 @@ def test_a_forked_child_does_not_answer_for_its_cell(meddling, say):
     assert done.exit_code == 0
 
 
-@pytest.mark.parametrize("command", ["list methods", "list methods --json", "--help"])
+@pytest.mark.parametrize("command", ["list methods --json", "--help"])
 def test_a_closed_stdout_is_no_traceback(command):
     words = f"exec {sys.executable} -c 'from stlbench.cli import main; main()' {command} >&-"
     done = subprocess.run(["sh", "-c", words], stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("content", [b"[x]\nfoo\n", b"[stlbench.methods]\n\xff\xfe = = x"])
+@pytest.mark.parametrize(
+    "content", [pytest.param(b"[x]\nfoo\n", marks=pytest.mark.slow), b"[stlbench.methods]\n\xff\xfe = = x"]
+)
 def test_a_broken_distribution_is_named(tmp_path, content):
     place = tmp_path / "zz_broken-1.0.dist-info"
     place.mkdir()

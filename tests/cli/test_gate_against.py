@@ -40,15 +40,16 @@ def git(folder: Path, *words: str) -> None:
 
 
 @pytest.fixture
-def repository(toy, say):
+def repository(request, toy, say):
     """The toy plugins in a repository, committed, with a reference in its folder `work`."""
+    seeds = 10 if request.node.get_closest_marker("slow") else 2
     (toy / "pyproject.toml").write_text(PROJECT)
     (toy / ".gitignore").write_text("work/\n*.dist-info/\n__pycache__/\n")
     edit(toy / "toy_plugins" / "agents.py", "", BUSY)
     git(toy, "init", "--quiet")
     git(toy, "add", ".")
     git(toy, "commit", "--quiet", "-m", "before")
-    chosen = ("--tasks", "toy-line", "--methods", "toy-raw", "--agents", "toy-agent", "--seeds", "10")
+    chosen = ("--tasks", "toy-line", "--methods", "toy-raw", "--agents", "toy-agent", "--seeds", seeds)
     done = say("gate", "reference", "--update", "--budget", "quick", "--executor", "toy-here", *chosen)
     assert done.exit_code == 0, done.output
     return toy
@@ -126,17 +127,14 @@ def test_a_base_that_runs_code_of_the_change_is_refused(repository, say, monkeyp
     assert done.stderr.splitlines()[-1].endswith(f"cannot be measured: its training loads {repository}/late/late.py")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_bad_input_is_one_line(repository, say):
+    for words, message in (
         (["--against", "nowhere"], "--against nowhere: there is no such revision"),
         (["--against", "--help"], "--against --help: there is no such revision"),
         (["--against", "HEAD", "--update"], "leave out --update and --executor"),
         (["--against", "HEAD", "--executor", "toy-here"], "leave out --update and --executor"),
-    ],
-)
-def test_bad_input_is_one_line(repository, say, words, message):
-    assert message in refused(say("gate", "reference", "--budget", "quick", *words))
+    ):
+        assert message in refused(say("gate", "reference", "--budget", "quick", *words))
 
 
 def test_outside_a_repository(toy, say):

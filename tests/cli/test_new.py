@@ -28,7 +28,9 @@ def new(*words: object) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("kind", ["method", pytest.param("task", marks=pytest.mark.slow), "agent"])
+@pytest.mark.parametrize(
+    "kind", ["method", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("task", "agent"))]
+)
 def test_its_own_tests_pass_where_it_is_installed(kind: str, tmp_path: Path, site: Callable[..., Path]) -> None:
     listed = new(kind, "zz-two-words", "--into", tmp_path / "made").splitlines()
     folder = tmp_path / "made" / "zz-two-words"
@@ -122,6 +124,7 @@ def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
     check_task(str(tmp_path / "zz-made"))
 
 
+@pytest.mark.slow
 def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
     new("task", "zz-made", "--into", tmp_path, "--environment", "Hopper-v5")
     text = (tmp_path / "zz-made" / "task.yaml").read_text()

@@ -129,19 +129,16 @@ def test_what_cannot_be_planned_is_a_row_with_its_reason(plan):
     assert (heavy["reward_optimal"], heavy["remarks"]) == ("", "unsuitable: a state of 6 dimensions")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_what_is_wrong_is_one_line_and_nothing_is_written(plan):
+    for words, message in (
         (("--methods", "toy-lite"), "no method 'toy-lite'; did you mean 'toy-light'"),
         (("--settings", "recipes"), "settings: 'recipes' is none; one is recipe, without=PART+PART or"),
         (("--settings", "without=cuts"), "toy-line[without=cuts]: the task is without cuts as it is"),
         (("--settings", "gama=1"), "toy-plan[gama=1]: no parameter 'gama'; did you mean 'gamma'?"),
         (("--resolution", "fine"), "Invalid value for '--resolution': should be a number"),
         (("--resolution", "nan"), "toy-best[resolution=nan]: resolution should be a finite number, got 'nan'"),
-    ],
-)
-def test_what_is_wrong_is_one_line_and_nothing_is_written(plan, words, message):
-    assert refused(plan(*words)).startswith(f"error: {message}")
+    ):
+        assert refused(plan(*words)).startswith(f"error: {message}")
     assert not Path("results").exists()
 
 

@@ -96,6 +96,7 @@ def cells(folder: str = "results") -> list[dict[str, str]]:
 WORDS = "--tasks", "toy-line", "--methods", "toy-below", "--agents", "planner[gamma=1],best-possible"
 
 
+@pytest.mark.slow
 def test_planned_cells_are_cells_like_any_other(run):
     """G[0,4] x <= 1 is decided by where x begins, so the grid promises just what the referee finds."""
     done = run(*WORDS)

@@ -48,10 +48,11 @@ def test_recipes_and_trials_are_written_and_the_same_words_train_nothing(say, tu
     assert again.exit_code == 0
     assert " done: " not in again.stderr
     assert trials() == rows
+    by_them(say)
 
 
-def test_the_track_tuned_trains_by_them(say, tunable):
-    say(*TUNE)
+def by_them(say):
+    """The track tuned trains by the recipes that were found."""
     words = ("run", "--tasks", "toy-line", "--methods", "toy-raw,toy-large", "--executor", "toy-here")
     shared = say(*words)
     tuned = say(*words, "--track", "tuned", "--recipes", "results/tuning/recipes.yaml")
@@ -64,28 +65,15 @@ def test_the_track_tuned_trains_by_them(say, tunable):
     assert rows["toy-large", "tuned", "0"]["status"] == "intractable"
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--seeds", "3"), "seeds below 100 are reported and not tuned with; say --seeds 100-101"),
-        (("--agents", "planner"), "agent planner has nothing to tune: it declares no search_space"),
-    ],
-)
-def test_bad_input_is_one_line(say, tunable, words, message):
-    done = say(*TUNE, *words)
-    assert done.exit_code == 2
-    assert message in " ".join(done.stderr.split())
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--track", "tuned"), "track tuned, and no other, needs a file of recipes"),
-        (("--recipes", "none.yaml"), "cannot read the recipes none.yaml"),
-        (("--track", "fine"), "track: should be 'auto', 'shared', 'plain' or 'tuned'"),
-    ],
-)
-def test_a_track_that_cannot_be_run_is_one_line(say, toy, words, message):
-    done = say("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here", *words)
-    assert done.exit_code == 2
-    assert message in done.stderr
+def test_bad_input_is_one_line(say, tunable):
+    run = ("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here")
+    for words, message in (
+        ((*TUNE, "--seeds", "3"), "seeds below 100 are reported and not tuned with; say --seeds 100-101"),
+        ((*TUNE, "--agents", "planner"), "agent planner has nothing to tune: it declares no search_space"),
+        ((*run, "--track", "tuned"), "track tuned, and no other, needs a file of recipes"),
+        ((*run, "--recipes", "none.yaml"), "cannot read the recipes none.yaml"),
+        ((*run, "--track", "fine"), "track: should be 'auto', 'shared', 'plain' or 'tuned'"),
+    ):
+        done = say(*words)
+        assert done.exit_code == 2
+        assert message in " ".join(done.stderr.split())
