@@ -22,6 +22,13 @@ def floating_point_errors() -> Iterator[None]:
 
 
 @pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells of `helpers.scripted_cells` run, whose task, method and agent nobody has installed."""
+    monkeypatch.setattr("stlbench.study.run.check_cells", lambda cells: ())
+    monkeypatch.setattr("stlbench.study.run.uncompiled", lambda cells: ())
+
+
+@pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Path]]:
     """A function that installs a made-up distribution in a folder on the path, for the time of a test.
 

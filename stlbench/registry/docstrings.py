@@ -7,6 +7,7 @@ import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 from textwrap import dedent
 
@@ -45,6 +46,7 @@ def field_docs(kind: type) -> dict[str, str]:
     return docs
 
 
+@cache
 def _own(owner: type) -> dict[str, str]:
     try:
         tree = ast.parse(dedent(inspect.getsource(owner)))

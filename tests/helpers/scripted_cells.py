@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
+from typing import Any
 
+from stlbench.contract import Executor, Outcome, cause
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.study.cell import Cell
@@ -33,3 +36,24 @@ def run_cell(cell: Cell) -> Result:
 def run_in(cell: Cell, folder: Path) -> Result:
     """The same, with the arguments of a trial."""
     return run_cell(cell)
+
+
+class Here(Executor):
+    """Runs cells in this process, and remembers which, with their deadlines, and whether it was closed."""
+
+    def __init__(self, *, jobs: int = 1) -> None:
+        super().__init__(jobs=jobs)
+        self.ran, self.closed = list[tuple[str, float]](), False
+
+    def run(
+        self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
+    ) -> Generator[Outcome]:
+        try:
+            for index, item in enumerate(items):
+                self.ran.append((item.id.method.name, deadlines[index]))
+                try:
+                    yield Outcome(index, "done", function(item))
+                except Exception as error:
+                    yield Outcome(index, "raised", reason=cause(error), details="trace")
+        finally:
+            self.closed = True

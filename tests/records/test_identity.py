@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from helpers.synthetic_results import result
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stlbench.errors import UsageError
@@ -35,6 +35,7 @@ choices = st.builds(
 )
 
 
+@settings(max_examples=25)
 @given(st.builds(CellId, choices, choices, choices, st.integers(0, 10_000), words))
 def test_any_identity_comes_back_from_its_name_and_from_json(cell):
     assert CellId.parse(cell.name, cell.budget) == cell

@@ -40,14 +40,12 @@ def held(tmp_path):
     holder.wait()
 
 
-def study(folder, *methods):
-    run.run_cells(scripted_cells.cells(*methods), folder, run.build_executor(jobs=1), run_cell=scripted_cells.run_in)
+pytestmark = pytest.mark.usefixtures("scripted")
 
 
-@pytest.fixture(autouse=True)
-def scripted(monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ())
-    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
+def study(folder, *methods, executor=None):
+    place = executor or scripted_cells.Here()
+    run.run_cells(scripted_cells.cells(*methods), folder, place, run_cell=scripted_cells.run_in)
 
 
 def test_a_second_run_is_told_who_writes_and_writes_nothing(held):
@@ -69,7 +67,7 @@ def test_a_process_that_was_killed_holds_nothing(held):
 
 def test_what_a_run_has_started_does_not_hold_the_folder_when_it_has_ended(tmp_path):
     study(tmp_path, "a")
-    study(tmp_path, "a", "kill")
+    study(tmp_path, "a", "kill", executor=run.build_executor(jobs=1))
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert [entry.status for entry in ledger.results()] == ["unsuitable", "killed"]
 

@@ -109,20 +109,15 @@ def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
         assert [entry.id.seed for entry in ledger.results()] == [0, 1, 2]
 
 
-def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ())
-    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
-    cells = scripted_cells.cells("a", "b", "c")
-    run.run_cells(cells, tmp_path, run.build_executor(), run_cell=scripted_cells.run_in)
+def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, scripted):
+    cells, again = scripted_cells.cells("a", "b", "c"), scripted_cells.Here()
+    run.run_cells(cells, tmp_path, scripted_cells.Here(), run_cell=scripted_cells.run_in)
     with sqlite3.connect(tmp_path / FILE) as database:
         database.execute("UPDATE cells SET result = '{}' WHERE seed = 1")
     database.close()
     repair(tmp_path)
-    begun = []
-    told = run._Silent()
-    told.begin = lambda missing, done: begun.append([cell.name for cell in missing])
-    run.run_cells(cells, tmp_path, run.build_executor(), run_cell=scripted_cells.run_in, progress=told)
-    assert begun == [["task/b/agent/1"]]
+    run.run_cells(cells, tmp_path, again, run_cell=scripted_cells.run_in)
+    assert again.ran == [("b", 60)]
     assert verify(tmp_path).is_whole
 
 

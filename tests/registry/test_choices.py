@@ -7,7 +7,7 @@ from inspect import cleandoc
 from typing import Annotated, Literal
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field
 
@@ -42,6 +42,7 @@ def test_repetitions_are_dropped_and_the_order_is_kept():
     ]
 
 
+@settings(max_examples=25)
 @given(st.lists(some, min_size=1, max_size=4, unique=True))
 def test_what_is_printed_parses_to_the_same(choices):
     assert parse_choices(",".join(map(str, choices))) == tuple(choices)

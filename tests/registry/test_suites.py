@@ -44,6 +44,7 @@ def test_what_names_no_task(address: str, message: str) -> None:
     assert str(error.value).startswith(message)
 
 
+@pytest.mark.slow
 def test_it_keeps_the_contract() -> None:
     """Its names and splits, and the first task of dev, core and hard."""
     check_suite("suite")

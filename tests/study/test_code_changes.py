@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from helpers import scripted_cells
+from helpers.scripted_cells import Here
 
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import cell_files
@@ -65,14 +66,11 @@ def test_what_a_cell_raises_is_raised_unless_its_code_was_edited(plugin, tmp_pat
     assert "one.py has changed" in run_checked(cell, half_saved, tmp_path).reason
 
 
-def test_the_cell_is_offered_again_even_where_the_edit_is_taken_back(plugin, tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ())
-    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
+def test_the_cell_is_offered_again_even_where_the_edit_is_taken_back(plugin, tmp_path, scripted):
     file, cell = plugin
-    executor = run.build_executor(jobs=1)
 
     def statuses():
-        run.run_cells([cell], tmp_path, executor, run_cell=scripted_cells.run_in)
+        run.run_cells([cell], tmp_path, Here(), run_cell=scripted_cells.run_in)
         with Ledger(tmp_path / FILE, create=False) as ledger:
             return [(result.status, result.key) for result in ledger.results()]
 
@@ -101,14 +99,11 @@ class Told:
 
 
 @pytest.fixture
-def study(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ())
-    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
-
+def study(tmp_path, monkeypatch, scripted):
     def ran(cells, numpy="2.4", **words):
         monkeypatch.setattr(run, "collect", lambda jobs: {"jobs": str(jobs), "numpy": numpy, "time": numpy})
         told = Told()
-        run.run_cells(cells, tmp_path, run.build_executor(), run_cell=scripted_cells.run_in, progress=told, **words)
+        run.run_cells(cells, tmp_path, Here(), run_cell=scripted_cells.run_in, progress=told, **words)
         return told.begun[0], *told.notes
 
     return ran

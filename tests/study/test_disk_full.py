@@ -10,17 +10,14 @@ import subprocess
 import numpy as np
 import pytest
 from helpers import scripted_cells
+from helpers.scripted_cells import Here
 
 from stlbench.errors import DiskFull, UsageError, unwritable
 from stlbench.records import npz
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.study import run
 
-
-@pytest.fixture(autouse=True)
-def scripted(monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ())
-    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
+pytestmark = pytest.mark.usefixtures("scripted")
 
 
 class Small(Ledger):
@@ -35,7 +32,7 @@ class Small(Ledger):
 
 
 def study(folder, *methods, **words):
-    run.run_cells(scripted_cells.cells(*methods), folder, run.build_executor(jobs=1), **words)
+    run.run_cells(scripted_cells.cells(*methods), folder, Here(), **words)
 
 
 def recorded(folder):
@@ -62,8 +59,9 @@ def full(file, **_):
 def fill(cell, folder):
     """The traces of the second cell have no space."""
     if cell.id.seed == 1:
-        np.savez_compressed = full
-        npz.write(folder / "traces" / "b.npz", {"a": np.zeros(3)})
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(np, "savez_compressed", full)
+            npz.write(folder / "traces" / "b.npz", {"a": np.zeros(3)})
     return scripted_cells.run_in(cell, folder)
 
 

@@ -144,6 +144,7 @@ def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> No
     assert scale_of_task(Choice("zz-left"), plugin_guard.load_guarded).unit == UNKNOWN
 
 
+@pytest.mark.slow
 def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) -> None:
     hangs, good = by_hand(Choice("zz-idle")), at_random(Choice("zz-idle"))
     assert plugin_guard.ask([hangs], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]

@@ -11,6 +11,7 @@ import pytest
 from helpers import kept_policies
 
 from stlbench.errors import UsageError
+from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import MAIN, Result, from_json, to_json
 from stlbench.registry.choices import parse_choices
@@ -20,14 +21,12 @@ from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
-from stlbench.study.tracks import Recipe, Recipes
+from stlbench.study.tracks import Recipe
 
 
-def cell(track: str = "shared", recipe: Recipe | None = None) -> Cell:
-    recipes = None if recipe is None else Recipes({"integrator-or": {"dqn": {"raw": recipe}}}, "a test")
-    (planned,) = plan_cells(
-        parse_choices("integrator-or"), parse_choices("raw"), parse_choices("dqn"), [0], "smoke", track, recipes
-    )
+def cell() -> Cell:
+    names = ("integrator-or", "raw", "dqn")
+    (planned,) = plan_cells(*map(parse_choices, names), [0], "smoke")
     return planned
 
 
@@ -64,24 +63,15 @@ def test_from_the_ledger_by_name(folder: Path, result: Result) -> None:
     assert np.array_equal(kept.policy.act(observation), direct.act(observation))
 
 
-def test_a_tuned_recipe_is_not_asked_for_again(tmp_path: Path) -> None:
-    """Its width and its hold are another than the task's; the file of recipes is not there."""
-    found = trial.run_cell(cell("tuned", Recipe({"net_arch": "16", "n_steps": 1}, 2)), tmp_path)
-    assert found.measurement is not None
-    found = from_json(to_json(found))
+def test_a_tuned_recipe_is_not_asked_for_again(site: Callable[..., Path], tmp_path: Path) -> None:
+    """Its hold is another than the task's; the file of recipes is not there."""
+    kept_policies.install(site)
+    tuned = Cell(CellId.parse("zz-line/raw/zz-kept/0/tuned", "smoke"), 32 * "0", 60, Recipe({}, 2))
+    found = from_json(to_json(trial.run_cell(tuned, tmp_path)))
     task, method, policy = load_policy(tmp_path, found)
     assert task.file.hold == 2
-    assert task.recipe("dqn")["n_steps"] == 1
     assert found.measurement is not None
     assert referee.Referee(task, method).assess(policy).scores[MAIN] == found.measurement.selected[MAIN]
-
-
-def test_a_result_of_before_policies_were_stored_is_read(result: Result) -> None:
-    text = to_json(replace(result, measurement=replace(result.measurement, policies=None)))
-    assert '"policies": null, ' in text or '"policies": null}' in text
-    old = from_json(text.replace(', "policies": null', ""))
-    assert old.measurement is not None
-    assert old.measurement.policies is None
 
 
 def test_another_observation_is_refused(folder: Path, result: Result) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from helpers import scripted_cells
+from helpers.scripted_cells import Here
 
-from stlbench.contract import Executor, Outcome
 from stlbench.errors import UsageError
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.status import ACCIDENTS
@@ -14,22 +14,6 @@ from stlbench.study import run, trial
 from stlbench.study.code_changes import run_checked
 from stlbench.study.plan import warm
 from stlbench.study.run import build_executor, run_cells
-
-
-class Here(Executor):
-    """Runs items in this process, and remembers which, with what deadlines."""
-
-    def __init__(self, *, jobs: int = 1) -> None:
-        super().__init__(jobs=jobs)
-        self.ran = []
-
-    def run(self, function, items, deadlines):
-        for index, item in enumerate(items):
-            self.ran.append((item.id.method.name, deadlines[index]))
-            try:
-                yield Outcome(index, "done", scripted_cells.run_cell(item))
-            except ValueError as error:
-                yield Outcome(index, "raised", reason=str(error))
 
 
 class Told:
@@ -46,19 +30,17 @@ class Told:
         self.lines.append((result.id.method.name, result.status))
 
 
-@pytest.fixture(autouse=True)
-def scripted(monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ("by the way",) if len(cells) == 3 else ())
-    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
+pytestmark = pytest.mark.usefixtures("scripted")
 
 
 def study(folder, cells, **words):
     executor, told = Here(), Told()
-    run_cells(cells, folder, executor, progress=told, **words)
+    run_cells(cells, folder, executor, progress=told, run_cell=scripted_cells.run_in, **words)
     return executor.ran, told.lines
 
 
-def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path):
+def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "check_cells", lambda cells: ("by the way",))
     cells = scripted_cells.cells("a", "b", "raise", deadline=7)
     ran, lines = study(tmp_path, cells)
     assert ran == [("a", 7), ("b", 7), ("raise", 7)]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from typer.testing import CliRunner
 
+from stlbench.cli import app
 from stlbench.study.schema import json_schema
 
 jsonschema = pytest.importorskip("jsonschema")
@@ -20,11 +20,14 @@ STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
 TASK: dict[str, Any] = yaml.safe_load((ROOT / "tasks/stlbench_tasks/overlap/task.yaml").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("path", [*TASKS, *STUDIES], ids=lambda path: f"{path.parent.name}-{path.stem}")
-def test_every_file_of_the_repository_is_right(path: Path) -> None:
-    schema = json_schema("study" if path in STUDIES else "task")
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), schema)
+SCHEMAS = {kind: json_schema(kind) for kind in ("task", "study")}
+
+
+@pytest.mark.parametrize(("kind", "paths"), [("task", TASKS), ("study", STUDIES)])
+def test_every_file_of_the_repository_is_right(kind: str, paths: list[Path]) -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMAS[kind])
+    for path in paths:
+        jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), SCHEMAS[kind])
 
 
 @pytest.mark.parametrize(
@@ -42,17 +45,14 @@ def test_every_file_of_the_repository_is_right(path: Path) -> None:
 )
 def test_what_is_wrong_is_refused(kind: Any, content: Any) -> None:
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(content, json_schema(kind))
+        jsonschema.validate(content, SCHEMAS[kind])
 
 
 def test_a_study_may_leave_everything_to_the_command_line() -> None:
-    jsonschema.validate({}, json_schema("study"))
+    jsonschema.validate({}, SCHEMAS["study"])
 
 
 def test_the_command_prints_it_with_descriptions() -> None:
-    ran = subprocess.run(
-        [sys.executable, "-m", "stlbench", "show", "schema", "task"], capture_output=True, text=True, check=True
-    )
-    schema = json.loads(ran.stdout)
-    assert schema == json_schema("task")
+    schema = json.loads(CliRunner().invoke(app, ["show", "schema", "task"]).stdout)
+    assert schema == SCHEMAS["task"]
     assert schema["properties"]["sampling_time"]["description"] == "Seconds a step."

@@ -13,7 +13,13 @@ from stlbench.registry import plugins
 WITNESSES = {witness.part: witness for witness in witnesses.witnesses()}
 
 
-@pytest.mark.parametrize("part", WITNESSES)
+NIGHTLY = {"agents.best-possible", "agents.sb3-dqn", "agents.sb3-ppo", "agents.sb3-sac", "agents.sb3-td3"}
+"""What other libraries train, and what the planner's witness covers too."""
+
+
+@pytest.mark.parametrize(
+    "part", [pytest.param(part, marks=[pytest.mark.slow] if part in NIGHTLY else []) for part in WITNESSES]
+)
 def test_the_bits_of_a_part_are_those_of_its_revision(part: str) -> None:
     witness = WITNESSES[part]
     if witness.missing:
