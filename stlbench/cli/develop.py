@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import traceback
+from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
@@ -20,6 +22,7 @@ from stlbench.registry import folders, plugins
 from stlbench.registry.choices import executor_of
 from stlbench.registry.plugins import Plugin
 from stlbench.rollout.faults import PluginFault
+from stlbench.study.schema import json_schema
 from stlbench.task.gym_sketch import sketch
 from stlbench.testing import RuleBroken, Rules
 
@@ -35,6 +38,9 @@ _SHARED = {
     "tests/test_$module.py": "${kind}_test",
 }
 """File -> the template that it is made of, a text file beside this module."""
+_SCHEMA = "task.schema.json"
+_HINT = f"# yaml-language-server: $schema={_SCHEMA}\n"
+"""By this line editors complete and check a task file."""
 _WORDS: dict[Made, dict[str, str]] = {
     "method": {
         "module": "method",
@@ -91,6 +97,7 @@ def new(
         files, then = _sketched(environment), f"change {folder}/task.yaml, and stlbench check ./{folder}"
     else:
         raise UsageError(f"--environment is for a task; {kind} was asked for")
+    files |= _schemas(files)
     try:
         folder.mkdir(parents=True)
         for path, text in files.items():
@@ -110,7 +117,13 @@ def _sketched(environment: str) -> dict[str, str]:
 
     content = sketch(environment)
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
-    return {"task.yaml": f"{_SEEN}{text}" if "scale" in content["environment"] else text}
+    return {"task.yaml": _HINT + (_SEEN if "scale" in content["environment"] else "") + text}
+
+
+def _schemas(files: Mapping[str, str]) -> dict[str, str]:
+    """Beside each task file the JSON schema that its first line names."""
+    places = [Path(path).parent for path in files if Path(path).name == "task.yaml"]
+    return {str(place / _SCHEMA): json.dumps(json_schema("task"), indent=1) + "\n" for place in places}
 
 
 def _check_name(kind: Made, name: str) -> None:
@@ -131,6 +144,7 @@ def _files(kind: Made, name: str) -> dict[str, str]:
     for key, text in _WORDS[kind].items():
         words[key] = Template(text).substitute(words)
     files = _SHARED | ({"src/$package/task.yaml": "task"} if kind == "task" else {})
+    words["hint"] = _HINT
     return {
         Template(path).substitute(words): _template(Template(file).substitute(words), words)
         for path, file in files.items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.registry import plugins
+from stlbench.study.schema import json_schema
 from stlbench.task import load_task
 from stlbench.testing import check_task
 
@@ -124,11 +126,20 @@ def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
     check_task(str(tmp_path / "zz-made"))
 
 
+def test_the_first_line_of_a_task_file_names_the_schema_beside_it(made: Path, tmp_path: Path) -> None:
+    new("task", "zz-wrapped", "--into", tmp_path, "--environment", "CartPole-v1")
+    for path in (made / "zz-task/src/stlbench_task_zz_task/task.yaml", tmp_path / "zz-wrapped/task.yaml"):
+        first, _, rest = path.read_text().partition("\n")
+        schema = path.parent / first.removeprefix("# yaml-language-server: $schema=")
+        assert json.loads(schema.read_text()) == json_schema("task")
+        assert yaml.safe_load(rest)["formula"]
+
+
 @pytest.mark.slow
 def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
     new("task", "zz-made", "--into", tmp_path, "--environment", "Hopper-v5")
     text = (tmp_path / "zz-made" / "task.yaml").read_text()
-    assert text.startswith("# The environment gives some entries no ends. Twenty episodes of random actions found")
+    assert text.splitlines()[1].startswith("# The environment gives some entries no ends. Twenty episodes of random")
     content = yaml.safe_load(text)
     scale, signals = content["environment"]["scale"], content["signals"]
     assert list(scale) == list(signals)

@@ -30,6 +30,15 @@ def test_every_file_of_the_repository_is_right(kind: str, paths: list[Path]) -> 
         jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), SCHEMAS[kind])
 
 
+@pytest.mark.parametrize("path", [*(ROOT / "examples").glob("*/task.yaml"), *STUDIES], ids=lambda path: path.name)
+def test_editors_find_the_schema_of_examples_and_studies(path: Path) -> None:
+    """`stlbench show schema study > studies/study.schema.json`, and task to examples/, write what is compared here."""
+    (hint,) = (line for line in path.read_text(encoding="utf-8").splitlines() if "yaml-language-server" in line)
+    schema = path.parent / hint.removeprefix("# yaml-language-server: $schema=")
+    kind = "study" if path in STUDIES else "task"
+    assert json.loads(schema.read_text(encoding="utf-8")) == json_schema(kind)
+
+
 @pytest.mark.parametrize(
     ("kind", "content"),
     [
