@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test test-all quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field paper-figures clean
+.PHONY: run test test-all quick lint types imports unit coverage lowest docs gate bench soak reproduce clean
 
 ## Compare funnel and flag on the task reach-stay; tables on screen and under results/.
 run: $(VENV)/ready
@@ -71,115 +71,11 @@ soak: $(VENV)/ready-dev
 	$(BIN)/python tests/long/soak.py --folder build/soak $(SOAK)
 	$(BIN)/python -m pytest -q -n auto -m long
 
-## All tasks x all methods x 10 seeds, and the tracks plain and tuned on six of the tasks: about 4 hours of CPU time; goes
-## on where it was interrupted. The recipes of the track tuned are those of `make tuning`. See docs/reproduction.md.
-reference: $(VENV)/ready-all
-	$(BIN)/stlbench run studies/reference.yaml
-	$(BIN)/stlbench run studies/reference-code.yaml
-	$(BIN)/stlbench run studies/reference-ginf.yaml
-	$(BIN)/stlbench run studies/tuned.yaml
-	$(BIN)/stlbench run studies/plain.yaml
-	$(BIN)/stlbench export results/reference --format jsonl
-	$(BIN)/stlbench plot results/reference --rewarded
-
-## A recipe for each method, 20 trials for each, on seeds that are not reported; 45 minutes of CPU time.
-CHEAP := hold-disc,hold-disc-coarse,integrator-or,annulus,reach-stay,robot-nav
-tuning: $(VENV)/ready-all
-	$(BIN)/stlbench tune --tasks "$(CHEAP)" --methods funnel,flag,raw --trials 20 --results results/tuning
-
-## What each reward asks for, by exact planning, beside what was learned; an hour and a half of CPU time. See
-## docs/findings.md. Plans are made in results/alignment, and come into results/reference at the end.
-ALIGN := PYTHONPATH=build/example $(BIN)/stlbench run --results results/alignment --seeds 0-0
-GRIDS := integrator-or,hold-disc,hold-disc-coarse,annulus,robot-nav,reach-stay,pendulum,overlap
-LESS := pendulum[without=rewarded],pendulum[without=cuts],overlap[without=rewarded],overlap[without=cuts]
-PLAIN := pendulum[without=rewarded+cuts],overlap[without=rewarded+cuts]
-alignment: $(VENV)/ready-all
-	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target build/example plugins/example
-	$(ALIGN) --tasks "$(GRIDS)" --methods raw --agents "best-possible,best-possible[resolution=0.7]"
-	$(ALIGN) --tasks "$(GRIDS)" --methods raw,funnel --agents "planner,planner[gamma=1],planner[resolution=0.7]"
-	$(ALIGN) --tasks "$(LESS)" --methods raw,funnel --agents planner
-	$(ALIGN) --tasks "$(PLAIN)" --methods raw,funnel --agents "planner,planner[gamma=1]"
-	$(ALIGN) --tasks overlap --methods "funnel[t_star=0.7]" --agents planner
-	$(ALIGN) --tasks "$(GRIDS)" --methods "funnel[shape=clipped],funnel[shape=normalised]" \
-	--agents "planner,planner[gamma=1]"
-	$(ALIGN) --tasks integrator-or,hold-disc,hold-disc-coarse --methods "funnel[variant=code],flag,verdict" \
-	--agents "planner,planner[gamma=1]"
-	$(ALIGN) --tasks annulus,reach-stay --methods flag,verdict --agents planner
-	$(ALIGN) --tasks robot-nav,pendulum,overlap --methods flag,verdict --agents "planner[resolution=0.7]"
-	rm -rf build/aligned
-	$(BIN)/stlbench results merge build/aligned results/reference results/alignment
-	cp -r results/reference/figures build/aligned/
-	$(BIN)/stlbench report build/aligned
-	$(BIN)/stlbench plot build/aligned --methods raw,funnel --tasks robot-nav,pendulum,overlap --only planned
-	PYTHONPATH=build/example $(BIN)/python studies/returns.py build/aligned build/aligned/returns.csv
-	$(BIN)/stlbench export build/aligned --format jsonl
-	cp -r build/aligned/. results/reference
-
-## What each part of each task's recipe is worth, 5 seeds of three methods; 8 hours of CPU time, goes on where it was
-## interrupted. See docs/reproduction.md.
-ablation: $(VENV)/ready-all
-	$(BIN)/stlbench run studies/ablation.yaml
-	$(BIN)/stlbench export results/ablation --format jsonl
-
-## Every method on eight tasks, five seeds; the three cheapest also by a recipe for each method, 12 trials for each; and what
-## each method asks for, by planning on a coarse grid. 2 hours of CPU time; goes on where it was interrupted. See
-## docs/findings.md.
-PLAN := $(BIN)/stlbench run --results results/survey-alignment --seeds 0-0
-ROOMS := annulus,robot-nav,reach-stay
-ALL := funnel,flag,raw,tau-mdp,sparse,bhnr,causation,hprs,tau-cmdp,cfer
-RUNNING := tltl,dense,dense[mode=difference]
-survey: $(VENV)/ready-all
-	$(BIN)/stlbench run studies/survey.yaml
-	$(BIN)/stlbench tune --tasks integrator-or,hold-disc-coarse,hold-disc --methods "$(ALL),$(RUNNING),machine" --trials 12 \
-	  --results results/survey-tuning
-	$(BIN)/stlbench run studies/survey-tuned.yaml
-	$(PLAN) --tasks integrator-or,hold-disc-coarse,hold-disc --methods raw --agents best-possible
-	$(PLAN) --tasks $(ROOMS) --methods raw --agents "best-possible[resolution=0.5]"
-	$(PLAN) --tasks integrator-or,hold-disc-coarse --methods "$(ALL)" \
-	  --agents "planner[resolution=0.5],planner[resolution=0.5,gamma=1]"
-	$(PLAN) --tasks integrator-or --methods "$(RUNNING)" \
-	  --agents "planner[resolution=0.5,rounded=33],planner[resolution=0.5,rounded=33,gamma=1]"
-	$(PLAN) --tasks $(ROOMS),hold-disc --methods "$(ALL)" --agents "planner[resolution=0.5]"
-	rm -rf build/survey
-	$(BIN)/stlbench results merge build/survey results/survey results/survey-alignment
-	$(BIN)/stlbench report build/survey
-	$(BIN)/stlbench export build/survey --format jsonl
-	cp build/survey/*.csv build/survey/report.md build/survey/cells.jsonl results/survey
-	$(BIN)/python studies/survey.py
-	$(BIN)/python studies/pages.py
-
-## The tasks from the field, five seeds of three methods by two agents, and either-or by all; 3 hours of CPU time and half as
-## much for lane, goes on where it was interrupted. See docs/reference/tasks.md, "What was learned".
-WHOLE := tltl,dense[mode=difference]
-OTHERS := dense,bhnr,tau-mdp,sparse,hprs,tau-cmdp,cfer,machine,causation
-field: $(VENV)/ready-all
-	$(BIN)/stlbench run studies/field.yaml
-	$(BIN)/stlbench run --results results/field --tasks cartpole-steady,walker --methods tau-mdp --seeds 5
-	$(BIN)/stlbench run --results results/field --tasks either-or --methods "$(WHOLE),$(OTHERS)" --seeds 5
-	$(BIN)/stlbench run --results results/field --tasks either-or --methods "$(WHOLE)" --agents sb3-ppo --seeds 5
-	$(BIN)/stlbench run studies/field-sb3.yaml
-	$(BIN)/stlbench run studies/field-sb3-grid.yaml
-	$(BIN)/stlbench export results/field --format jsonl
-	$(BIN)/python studies/pages.py
-
-## What the parts of the agents are worth, and other agents beside ours; half an hour of CPU time. See
-## docs/reproduction.md.
-AGENTS := $(BIN)/stlbench run --results results/agents --methods raw
-agents: $(VENV)/ready-all
-	$(AGENTS) --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
-	$(AGENTS) --seeds 5 --tasks reach-stay,robot-nav --agents "\
-	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
-	$(AGENTS) --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
-	$(BIN)/stlbench report results/agents
-	$(BIN)/stlbench export results/agents --format jsonl
-
-## The subjects of the paper's figures, from one seed of each; 6 minutes of CPU time. See docs/reproduction.md.
-PAPER := $(BIN)/stlbench run --results results/paper --seeds 1
-paper-figures: $(VENV)/ready-all
-	$(PAPER) --tasks pendulum,robot-nav,integrator-or,annulus,overlap,fetch-reach,cartpole,ball-in-cup --methods funnel
-	$(PAPER) --tasks robot-nav --methods raw
-	$(PAPER) --tasks hold-disc-coarse --methods flag,funnel
-	$(BIN)/python studies/paper_figures.py results/paper
+## Train again what a table or a figure is made of: make reproduce TABLE=1. Without TABLE it lists what there is, and CPU
+## time. See docs/reproduction.md.
+TABLE :=
+reproduce:
+	@VENV=$(VENV) MAKE=$(MAKE) $(PYTHON) studies/reproduce.py $(TABLE)
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest site dist build

@@ -1,6 +1,6 @@
 """The subjects of the paper's Figures 3 to 12, drawn from our own runs: docs/reproduction.md shows them.
 
-make paper-figures                                    train the cells, one seed each, and draw
+make reproduce TABLE=paper-figures                                    train the cells, one seed each, and draw
 python studies/paper_figures.py results/paper         draw from a folder of results, into docs/figures/paper
 python studies/paper_figures.py results/paper FOLDER  draw into another folder
 """

@@ -32,12 +32,7 @@ def test_a_python_that_is_too_old(tmp_path: Path) -> None:
         "coverage",
         "gate",
         "soak",
-        "reference",
-        "tuning",
-        "alignment",
-        "ablation",
-        "survey",
-        "agents",
+        "reproduce",
         "docs",
     ],
 )

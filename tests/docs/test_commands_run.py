@@ -24,7 +24,7 @@ NOT_RUN = {
     "git": "changes a repository; the commands of stlbench beside it run",
     "python studies/paper_figures.py": "draws policies that are not in the repository",
     "python -m pytest plugins/example": "tests/test_example_plugin.py runs these tests",
-    "stlbench render results/paper": "films what `make paper-figures` trains",
+    "stlbench render results/paper": "films what `make reproduce TABLE=paper-figures` trains",
 }
 """How lines begin that no test types, and why."""
 
