@@ -3,9 +3,9 @@
     python studies/reproduce.py            list what there is, with CPU time
     python studies/reproduce.py NAME       run the study NAME, or the one that makes the table or figure NAME
 
-Each study is a script of Bash in studies/reproduce/. Its first lines say what it is, its CPU time, and what it makes: the
-blocks that `studies/pages.py` writes into pages, by their names, and figures. `1` is the table of paper/paper.md. A study
-goes on where it was interrupted.
+Each study is a script of Bash in studies/reproduce/. Its first lines say what it is, its CPU time, and what it makes:
+figures, and the blocks that `studies/pages.py` writes into pages, by their names. `1` is the table of paper/paper.md. A
+study goes on where it was interrupted.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def main(words: list[str]) -> int:
         ["bash", "-euxo", "pipefail", str(study.script)],
         ["python", "studies/pages.py"],
     ):
-        done = subprocess.run(command, cwd=ROOT, env=environment, check=False)
+        done = subprocess.run(command, cwd=ROOT, env=environment, check=False)  # noqa: S603
         if done.returncode:
             return done.returncode
     return 0

@@ -37,6 +37,7 @@ class _App(Commands):
             "falsify": ("search.falsify", "Search for a start from which a policy fails."),
             "certify": ("search.certify", "Bound the probability that a policy satisfies."),
             "monitor": ("monitor.monitor", "Evaluate a formula on a recorded trace."),
+            "policies": ("policies.app", "List, take and try the policies that come with stlbench."),
             "export-policy": ("share.export_policy", "Write a stored policy as an ONNX file."),
         },
         "Share": {

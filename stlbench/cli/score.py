@@ -22,7 +22,7 @@ from stlbench.report import Report, Table, condense
 from stlbench.report.tables.cells import scores_table
 from stlbench.share.rescored import score_question
 from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
-from stlbench.share.source import Source, find_source
+from stlbench.share.source import find_source
 from stlbench.study.plugin_guard import ask_one
 from stlbench.study.results import Results
 
@@ -79,7 +79,7 @@ def score(
     source, choice = find_source(policy, architecture, actions), task_of(task)
     if source.kind == "cell":
         _refuse_options({"--method": method, "--on": on, "--name": name, "--seed": seed}, "is a stored cell", policy)
-        _score_cell(choice, source, results, budget, which or "selected", as_json)
+        score_cell(choice, source.text, results, budget, which or "selected", as_json)
         return
     _refuse_options({"--policy": which}, "is no stored cell", policy)
     shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
@@ -98,10 +98,17 @@ def _refuse_options(given: Mapping[str, object], reason: str, policy: str) -> No
         raise UsageError(f"{policy} {reason}; leave {' and '.join(names)} out")
 
 
-def _score_cell(
-    task: Choice, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
+def score_cell(
+    on: Choice | None,
+    cell: str,
+    results: Path,
+    budget: str | None,
+    which: Literal["selected", "final"],
+    as_json: bool,
 ) -> None:
-    result = Results.load(results).cell(source.text, budget)
+    """Score a stored policy on a task, or on its own, and say whether the score is the recorded one."""
+    result = Results.load(results).cell(cell, budget)
+    task = on or result.id.task
     scores = ask_one(score_question(task, result, results, which))
     assert result.measurement is not None
     recorded = result.measurement.selected if which == "selected" else result.measurement.final

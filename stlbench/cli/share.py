@@ -24,6 +24,7 @@ from stlbench.rollout.questions import Question, plugins_of
 from stlbench.share import onnx
 from stlbench.share.bundle import About, pack
 from stlbench.share.checked import Checked, check
+from stlbench.share.minari import export as export_episodes
 from stlbench.share.rescored import Rescored
 from stlbench.share.rescored import rescore as rescore_policies
 from stlbench.study.plugin_guard import ask_one
@@ -190,8 +191,10 @@ TABLES = ("cells", "robustness", "curves")  # the tables of `Results` that are w
 def export(
     folder: Folder,
     form: Annotated[
-        Literal["csv", "parquet", "jsonl"],
-        typer.Option("--format", help="Tables as CSV or Parquet, or all that is recorded, as lines of JSON."),
+        Literal["csv", "parquet", "jsonl", "minari"],
+        typer.Option(
+            "--format", help="Tables as CSV or Parquet; all that is recorded, as lines of JSON; episodes for Minari."
+        ),
     ] = "csv",
     out: Annotated[
         Path | None,
@@ -203,11 +206,14 @@ def export(
 
     csv and parquet write three tables: cells, robustness and curves, as `stlbench.Results` has them in Python. jsonl
     writes cells.jsonl: one cell per line, nothing left out. A folder with this file in place of a ledger can be
-    reported, compared, plotted and loaded, and be kept in git. Prints the files; --json prints a list of them.
+    reported, compared, plotted and loaded, and be kept in git. minari lets the stored policies act again, and writes
+    their episodes with robustness as labels: a data set for each task and track, each with a card. It needs the extra
+    `minari`. Prints the files; --json prints a list of them.
 
     \b
     Examples:
       stlbench export results --format csv
+      stlbench export results --format minari
       stlbench export results/reference --format jsonl
     """
     if form == "jsonl":
@@ -216,7 +222,8 @@ def export(
         paths = [path]
     else:
         results = Results.load(folder)
-        paths = _write(results, out or inside(results.folder / "export", results.folder), form)
+        target = out or inside(results.folder / "export", results.folder)
+        paths = export_episodes(results.folder, target) if form == "minari" else _write(results, target, form)
     names = list(map(str, paths))
     show(as_json, names, names)
 

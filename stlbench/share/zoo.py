@@ -1,0 +1,42 @@
+"""The policies that come with stlbench, and how one policy is taken out of a folder of results.
+
+They are a folder of results like any other: `cells.jsonl` and `policies/`, of which each file has the selected policy
+alone. `studies/zoo.py` writes it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stlbench.errors import UsageError
+from stlbench.records import stored
+from stlbench.records.outputs import cell_files, write
+from stlbench.records.result import Result
+from stlbench.records.saved_policies import read
+from stlbench.share.cards import CARD, model_card
+from stlbench.study.results import Results
+
+ZOO = Path(__file__).parent / "zoo"
+
+
+def with_policies(folder: Path) -> Results:
+    """The results of a folder whose policies are there. Raises `UsageError` as `Results.load`."""
+    results = Results.load(folder)
+    there = (each for each in results if cell_files(results.folder, each.id, each.key).policies.is_file())
+    return Results.of(there, results.folder)
+
+
+def take(folder: Path, result: Result, target: Path) -> list[Path]:
+    """Write the policy of a cell as a folder of results of its own, with its record and a model card; the files.
+
+    All commands that take `--results` read the folder. Raises `UsageError` if it holds results already, or the policy
+    is missing or not as it was recorded.
+    """
+    if stored.locate(target) is not None:
+        raise UsageError(f"{target} holds results already; name another folder")
+    read(folder, result, "selected")
+    content = cell_files(folder, result.id, result.key).policies.read_bytes()
+    record = target / stored.LINES
+    stored.write_lines([result], record)
+    policies = write(cell_files(target, result.id, result.key).policies, content, target)
+    return [record, policies, write(target / CARD, model_card(result), target)]

@@ -1,0 +1,34 @@
+"""Write the policies that come with stlbench: seed 0 of the reference's tasks that train in less than a minute.
+
+    stlbench run studies/zoo.yaml
+    python studies/zoo.py results/zoo
+
+About 5 minutes of CPU time. Only selected policies are taken along, since two would be twice as large.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+from stlbench.records import npz, stored
+from stlbench.records.outputs import cell_files
+from stlbench.records.saved_policies import read
+from stlbench.share.zoo import ZOO, with_policies
+
+
+def main(folder: Path) -> None:
+    found = with_policies(folder)
+    shutil.rmtree(ZOO, ignore_errors=True)
+    stored.write_lines(found, ZOO / stored.LINES)
+    for result in found:
+        arrays = read(found.folder, result, "selected")
+        named = {f"selected/{name}": array for name, array in arrays.items()}
+        npz.write(cell_files(ZOO, result.id, result.key).policies, named)
+    size = sum(path.stat().st_size for path in ZOO.rglob("*") if path.is_file())
+    print(f"{ZOO}: policies of {len(found)} cells, {size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

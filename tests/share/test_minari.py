@@ -1,0 +1,77 @@
+"""`stlbench export --format minari`: read back by Minari; labels, traces and actions belong together."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from stlbench import stl
+from stlbench.cli import app
+from stlbench.rollout.environment import Simulator
+from stlbench.share.zoo import ZOO
+from stlbench.study.results import Results
+
+CELL = "integrator-or/raw/dqn/0"
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("minari") / "mine"
+    assert CliRunner().invoke(app, ["policies", "get", CELL, str(folder)]).exit_code == 0
+    return folder
+
+
+def export(folder: Path, out: Path) -> str:
+    done = CliRunner().invoke(app, ["export", str(folder), "--format", "minari", "--out", str(out)])
+    return done.output if done.exit_code == 0 else done.stderr
+
+
+def test_without_minari_a_line_says_how_to_install_it(mine: Path, tmp_path: Path, monkeypatch) -> None:
+    for name in ("minari", "minari.dataset", "minari.dataset.minari_storage"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert export(mine, tmp_path) == 'error: Minari is not installed: pip install "stlbench-rl[minari]"\n'
+
+
+def test_minari_reads_it_and_the_labels_are_the_referee_s(mine: Path, tmp_path: Path, monkeypatch) -> None:
+    minari = pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    place = tmp_path / "stlbench" / "integrator-or-shared-v0"
+    assert export(mine, tmp_path) == f"{place}\n"
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    data = minari.load_dataset("stlbench/integrator-or-shared-v0")
+    result = Results.load(ZOO).cell(CELL)
+    task, method, _ = Results.load(ZOO).policy(CELL)
+    recorded = result.measurement.selected["formula"]  # type: ignore[union-attr]
+    episodes = list(data.iterate_episodes())
+    assert [each.rewards.sum() for each in episodes] == list(recorded.robustness)
+    starts, hold = task.starts.report_and_selection()[0], task.file.hold
+    simulator = Simulator(task, method, rewarded=False)
+    simulator.reset(starts)
+    for step in range(task.file.steps // hold):
+        samples = simulator.advance(np.array([each.actions[step] for each in episodes])).samples
+        assert np.array_equal(samples, np.array([each.infos["signals"][step + 1] for each in episodes]))
+    labels = list(data.storage.get_episode_metadata(range(len(episodes))))
+    for each, label in zip(episodes, labels, strict=True):
+        trace = np.concatenate([each.infos["signals"][0, :1], each.infos["signals"][1:].reshape(-1, len(task.signals))])
+        assert stl.robustness(task.formula, trace, task.signals) == pytest.approx(label["robustness"])
+        assert (label["robustness"] > 0, label["cell"]) == (label["satisfied"], CELL)
+        assert data.action_space.contains(each.actions[0])
+        assert data.observation_space.shape == each.observations[0].shape
+        assert (each.truncations.sum(), each.terminations.sum(), each.truncations[-1]) == (1, 0, True)
+        assert not each.rewards[:-1].any()
+    card = (place / "README.md").read_text(encoding="utf-8")
+    assert yaml.safe_load(card.split("---\n")[1])["tags"]
+    assert f"{len(episodes)} episodes" in card
+    assert "is there already" in export(mine, tmp_path)
+
+
+def test_results_without_policies_are_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    folder = Path(__file__).parents[2] / "results" / "auto-field"
+    assert export(folder, tmp_path) == f"error: {folder} has no stored policy, which could act again\n"
