@@ -94,6 +94,23 @@ def test_typical_pages_fit_and_are_accessible(site: Path, width: int, scheme: st
     assert found == dict.fromkeys(TYPICAL, (False, []))
 
 
+def test_search_works_on_pages_that_are_opened_from_a_folder(site: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="the browser is driven by playwright")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium on this machine")
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=PATIENCE)
+        page = browser.new_page()
+        page.set_default_timeout(PATIENCE)
+        page.goto((site / "howto/share.html").as_uri())
+        page.click("input.md-search__input")
+        page.keyboard.type("falsify", delay=20)
+        page.wait_for_selector(".md-search-result__item a")
+        found = page.eval_on_selector_all(".md-search-result__item a", "links => links.map((each) => each.href)")
+        browser.close()
+    assert any("howto/failure.html" in link for link in found)
+
+
 def test_every_public_module_has_a_page() -> None:
     top = {path.stem for path in (ROOT / "stlbench").glob("*.py")} - {"__init__", "__main__"}
     assert {f"stlbench.{name}" for name in top} <= {*DOCUMENTED}

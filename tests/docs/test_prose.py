@@ -1,0 +1,92 @@
+"""Pages are spelled right, easy to read, linked to what is there, and not too many."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+import yaml
+from helpers.readability import reading_ease, sentences, syllables
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")])
+PROSE = [path for path in PAGES if sum(map(len, sentences(path.read_text(encoding="utf-8")))) >= 60]
+OTHERS = [*ROOT.glob("skills/**/*.md"), *ROOT.glob("plugins/example/*.md"), ROOT / "paper" / "paper.md"]
+CODE = ("stlbench", "plugins", "tasks", "studies", "examples", "Makefile", "pyproject.toml", "CITATION.cff")
+NAMES = "te,meger,fro,trough,reacher"
+"""Words and names that codespell takes for mistakes."""
+EASE = 60
+"""The least Flesch reading ease of a page: 60 to 70 is plain English."""
+WORDS = 46_000
+"""The most that all pages, README.md and CONTRIBUTING.md have together, counted as `wc -w` does."""
+
+
+def named(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def test_reading_ease_is_as_flesch_has_it() -> None:
+    """Eight words of ten syllables in two sentences: 206.835 - 1.015 * 4 - 84.6 * 1.25."""
+    text = "A robot must reach. It stays in regions."
+    assert [len(each) for each in sentences(text)] == [4, 4]
+    assert sum(map(syllables, re.findall(r"\w+", text))) == 10
+    assert reading_ease(text) == pytest.approx(206.835 - 1.015 * 4 - 84.6 * 10 / 8)
+    assert reading_ease("# Heading\n\n```console\n$ x\n```\n" + text + "\n\n| a | table |\n") == reading_ease(text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [*PROSE, *OTHERS], ids=named)
+def test_a_page_is_easy_to_read(path: Path) -> None:
+    assert reading_ease(path.read_text(encoding="utf-8")) >= EASE
+
+
+@pytest.mark.slow
+def test_words_are_spelled_right() -> None:
+    """By codespell, which knows common mistakes, and by the words of the house, which spells as the British do."""
+    if find_spec("codespell_lib") is None:
+        pytest.skip("codespell is not installed")
+    house = ["-D", "-", "-D", str(ROOT / "tests/docs/house.txt")]
+    zoo = ["--skip", "*/zoo/*,*.npz,*.json,*/__pycache__/*"]
+    code = [str(ROOT / name) for name in CODE]
+    for more, files in ((house, map(str, [*PAGES, *OTHERS])), (zoo, code)):
+        command = [sys.executable, "-m", "codespell_lib", "-L", NAMES, *more, *files]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.stdout, done.returncode) == ("", 0)
+
+
+@pytest.mark.parametrize("path", [path for path in [*PAGES, *OTHERS] if (ROOT / "docs") not in path.parents], ids=named)
+def test_links_outside_of_the_site_lead_somewhere(path: Path) -> None:
+    """`mkdocs build --strict` checks those of the site."""
+    text = re.sub(r"^```.*?^```$|`[^`]*`", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        file, _, anchor = target.partition("#")
+        if not re.match(r"[a-z]+:", target):
+            there = path.parent / file if file else path
+            assert there.exists(), target
+            if anchor:
+                assert anchor in anchors(there.read_text(encoding="utf-8")), target
+
+
+def anchors(text: str) -> set[str]:
+    """Of the headings of a page, as mkdocs and GitHub make them."""
+    heads = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", head).strip().lower()) for head in heads}
+
+
+def test_each_page_of_explanation_answers_the_question_that_is_its_title() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]  # above it are tags of mkdocs
+    sections = {title: pages for entry in yaml.safe_load(nav) for title, pages in entry.items()}
+    titles = [title for page in sections["Explanation"] for title in page]
+    assert [title for title in titles if not title.startswith(("What", "How", "Why"))] == []
+    pages = [page for section in sections.values() for page in (section if isinstance(section, list) else [])]
+    paths = [path for page in pages for path in page.values()]
+    assert len(paths) == len(set(paths))
+
+
+def test_there_is_not_more_to_read_than_a_reader_can_be_asked_to() -> None:
+    counted = [path for path in PAGES if path.name in ("README.md", "CONTRIBUTING.md") or path.parent != ROOT]
+    assert sum(len(path.read_text(encoding="utf-8").split()) for path in counted) <= WORDS
