@@ -1,9 +1,9 @@
-"""Write the policies that come with stlbench: seed 0 of the reference's tasks that train in less than a minute.
+"""Write the policies that come with stlbench: seed 0 of the reference's tasks that train in seconds.
 
     stlbench run studies/zoo.yaml
     python studies/zoo.py results/zoo
 
-About 5 minutes of CPU time. Only selected policies are taken along, since two would be twice as large.
+Only selected policies are taken along, since two would be twice as large.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from configparser import ConfigParser
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import ZipFile
 
 import pytest
 from matplotlib.figure import Figure
@@ -83,6 +84,9 @@ class Reader:
                 return self._pip(rest[-1])
             case ["python", "-c", code]:
                 exec(code, {"__name__": "__main__"})
+                return Typed(0, "")
+            case ["python", "-m", "zipfile", "-e", file, where]:
+                ZipFile(file).extractall(where)
                 return Typed(0, "")
             case ["sqlite3", file, query]:
                 return Typed(0, str(sqlite3.connect(file).execute(query).fetchall()))
