@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
+from numpy.typing import NDArray
 
 from stlbench import __version__
 from stlbench.contract import ActionGrid, Array, Integers, Policy
@@ -29,8 +30,8 @@ from stlbench.task import Task
 
 
 class Episode(NamedTuple):
-    observations: Array
-    """(decisions + 1, D) without the inputs of the method, float32."""
+    observations: NDArray[np.float32]
+    """(decisions + 1, D), without the inputs of the method."""
     actions: Integers | Array
     """Indices (decisions,) of the grid, or vectors (decisions, axes)."""
     signals: Array
