@@ -92,7 +92,7 @@ def _budgets(about: About) -> dict[str, dict[str, int]]:
     quick = about.decisions * about.hold
     return {
         "smoke": {"steps": 3200 * about.hold, "seeds": 1, "deadline": 300, "checkpoints": 1, "random_starts": 0},
-        "quick": {"steps": quick, "seeds": 2, "deadline": 600, "checkpoints": 10, "random_starts": 200},
+        "quick": {"steps": quick, "seeds": 2, "deadline": 3600, "checkpoints": 10, "random_starts": 200},
         "paper": {"steps": 4 * quick, "seeds": 10, "deadline": 3600},
     }
 
