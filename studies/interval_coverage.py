@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from stlbench.report.statistics import across
+from stlbench.report.statistics import across, sampled
 from stlbench.report.statistics.intervals import mean_interval, median_interval
 
 Array = NDArray[np.float64]
@@ -106,7 +106,35 @@ def over_tasks(repetitions: int) -> Iterator[str]:
         yield f"IQM over {TASKS} tasks, {family}: {', '.join(f'{100 * share:.1f}' for share in shares)} %"
 
 
+DRAWN: dict[str, tuple[float, Callable[[np.random.Generator, int, int], Array]]] = {
+    "normal": (0.0, lambda make, tasks, seeds: make.normal(size=(tasks, 1)) + make.normal(size=(tasks, seeds))),
+    "seeds alone": (0.0, lambda make, tasks, seeds: make.normal(size=(tasks, seeds))),
+    "skewed": (-1.0, lambda make, tasks, seeds: -make.exponential(size=(tasks, 1)) + 0 * make.normal(size=(1, seeds))),
+    "learned": (0.6, lambda make, tasks, seeds: make.random((tasks, seeds)) < make.beta(0.6, 0.4, (tasks, 1))),
+}
+"""Name -> the true mean over all tasks, and values (tasks, seeds) of a sample of tasks.
+
+Tasks differ as much as seeds do; seeds alone differ; tasks alone differ; and seeds learn, or not."""
+
+
+def drawn_coverage(family: str, tasks: int, seeds: int, repetitions: int) -> float:
+    """How often the hierarchical bootstrap covers the mean over all tasks, where a suite drew so many."""
+    (true, draw), make, covered = DRAWN[family], np.random.default_rng(7), 0
+    for _ in range(repetitions):
+        ends = sampled.mean(list(draw(make, tasks, seeds).astype(np.float64))).interval
+        covered += ends is not None and ends.low <= true <= ends.high
+    return covered / repetitions
+
+
+def over_drawn_tasks(repetitions: int) -> Iterator[str]:
+    """One line per family and number of tasks: with one and with two seeds."""
+    for family in DRAWN:
+        for tasks in (sampled.FEWEST, 12, 24):
+            shares = (drawn_coverage(family, tasks, seeds, repetitions // 4) for seeds in (1, 2))
+            yield f"mean over {tasks} drawn tasks, {family}: {', '.join(f'{100 * each:.1f}' for each in shares)} %"
+
+
 if __name__ == "__main__":
     REPETITIONS = int(sys.argv[1]) if len(sys.argv) > 1 else 4000
-    for line in chain(table(REPETITIONS), over_tasks(REPETITIONS)):
+    for line in chain(table(REPETITIONS), over_tasks(REPETITIONS), over_drawn_tasks(REPETITIONS)):
         print(line, flush=True)

@@ -1,6 +1,6 @@
 """Make the suite: accept candidates, search for their witnesses, and write what `stlbench_tasks.suite` reads.
 
-    python studies/suite.py [--systems unicycle,pair] [--count 4] [--seconds 4]
+    python studies/suite.py [--systems unicycle,pair] [--count 4] [--seconds 4] [--bounds]
 
 For each system and template it tries candidates in turn until `count` are accepted. It refuses a candidate
 
@@ -11,7 +11,7 @@ For each system and template it tries candidates in turn until `count` are accep
 
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
 followed by the local search over held actions of `best_known.py`. What is there already is kept: the same command goes
-on where it was interrupted.
+on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
 """
 
 from __future__ import annotations
@@ -24,18 +24,16 @@ from typing import Any
 
 import numpy as np
 from best_known import replay
+from suite_bounds import upper_bound
 from suite_drives import witness
 
 import stlbench_tasks.suite
-from stlbench import stl
 from stlbench.contract import ActionGrid, Array
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
 from stlbench.rollout.controller import nearest
 from stlbench.task import Task
 from stlbench.task.reading import read_task_file
-from stlbench.task.windows import Window, with_parts
-from stlbench_tasks.suite.about import SuiteSystem
 from stlbench_tasks.suite.formulas import Candidate, fits, level
 from stlbench_tasks.suite.scene import Cramped, Scene
 from stlbench_tasks.suite.systems import SYSTEMS
@@ -52,41 +50,6 @@ def load(candidate: Candidate) -> tuple[Task, Scene]:
     content = candidate.content(f"{candidate.system}/{candidate.template}")
     file = read_task_file(json.dumps(content), "candidate")
     return Task(Choice("candidate"), file, SYSTEMS[candidate.system](file.sampling_time)), candidate.scene[0]
-
-
-# ------------------------------------------------------------------------------------------------------- upper bound
-
-
-def upper_bound(task: Task, system: type[SuiteSystem]) -> float:
-    """The mean over the report's starts of more robustness than any actions have.
-
-    The margin of a part without temporal operators changes by at most the way of each point that it reads. So within t
-    seconds it is at most its value at the start, plus the farthest way, and never more than its greatest value. The
-    formula, read on these bounds, bounds its robustness, as it falls with none of the margins.
-    """
-    begun = task.starts.report_and_selection()[0]
-    signals, steps = task.system.signals(begun), task.file.steps
-    way = system.about.farthest(task.file.sampling_time * np.arange(steps + 1))
-    box = {name: (low - way[-1] - 1, high + way[-1] + 1) for name, (low, high) in task.file.box.items()}
-    traces = list[Array]()
-
-    def part(window: Window) -> stl.Formula:
-        read = set(stl.signals(window.psi))
-        moving = [names for names in system.about.points if not read.isdisjoint(names)]
-        most = np.full((len(begun), steps + 1), stl.bounds(window.psi, box, tolerance=1e-3, nodes=500).high)
-        at_start = stl.margin(window.psi, task.signals)(signals)
-        if read == set().union(*moving):
-            most = np.minimum(most, at_start[:, None] + len(moving) * way)
-        most[:, 0] = at_start
-        traces.append(most)
-        return stl.parse(f"p{len(traces)} >= 0")
-
-    formula = with_parts(task.formula, part)
-    names = [f"p{i + 1}" for i in range(len(traces))]
-    return float(stl.robustness(formula, np.stack(traces, axis=-1), names).mean())
-
-
-# --------------------------------------------------------------------------------------------------------- acceptance
 
 
 def judged(candidate: Candidate, others: list[tuple[str, str]], seconds: float) -> tuple[dict[str, Any], Array] | str:
@@ -122,16 +85,32 @@ def main() -> None:
     parser.add_argument("--systems", default=",".join(SYSTEMS))
     parser.add_argument("--count", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--bounds", action="store_true")
     options = parser.parse_args()
     table: dict[str, Any] = {"accepted": {}, "refused": {}, "short": []}
     stored = dict[str, Array]()
     if TABLE.exists():
         table = json.loads(TABLE.read_text(encoding="utf-8"))
         stored = dict(np.load(WITNESSES))
+    if options.bounds:
+        tighten(options.systems.split(","), table, stored)
+        return
     for template in TEMPLATES:
         for system in options.systems.split(","):
             if fits(system, template):
                 fill(system, template, options.count, options.seconds, table, stored)
+
+
+def tighten(systems: list[str], table: dict[str, Any], stored: dict[str, Array]) -> None:
+    """Lower the upper bounds of the accepted tasks where they can be."""
+    for pair, rows in table["accepted"].items():
+        system, template = pair.split("/")
+        for n, row in enumerate(rows if system in systems else ()):
+            task = load(Candidate(system, template, level(n), row["candidate"]))[0]
+            bound = min(row["upper_bound"], round(upper_bound(task, SYSTEMS[system]) + 5e-6, 5))
+            print(f"{pair}/{n}: {row['robustness']:.3f}, bound {row['upper_bound']:.3f} -> {bound:.3f}", flush=True)
+            row["upper_bound"] = bound
+    write(table, stored)
 
 
 def fill(

@@ -42,6 +42,14 @@ class Suite(ABC):
 
     # ------------------------------------------------------------------ additions
 
+    def groups(self, name: str) -> Mapping[str, str]:
+        """What a task is one of, such as its system and its template: kind of group -> the task's group.
+
+        All tasks have the same kinds. Reports say for each group how methods do on its tasks. Tasks with a group count
+        as a sample: intervals are for all tasks that the suite could draw.
+        """
+        return {}
+
     def witness(self, name: str) -> Integers | None:
         """Actions from each of the report's starts that show what is possible; None where nothing is known.
 

@@ -59,6 +59,12 @@ def task(name: str) -> SuitePlugin | None:
     return None
 
 
+def groups(name: str) -> Mapping[str, str]:
+    """What the task `suite-unicycle-sequence-7` is one of, as its suite says; nothing for a task of no suite."""
+    plugin = task(name)
+    return {} if plugin is None else dict(made(plugin.suite).groups(plugin.member))
+
+
 def is_address(text: str) -> bool:
     """Whether a user means tasks of a suite."""
     return ":" in text and not text.startswith((".", "/"))

@@ -104,7 +104,10 @@ class _Page:
         table = report.tables["robustness"]
         wide = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
         overview = _trimmed(table.select(wide, "Overview"))
-        across = [*report.first, *(report.tables[name] for name in ("aggregates", "improvement"))]
+        across = [
+            *report.first,
+            *(report.tables[name] for name in ("aggregates", "improvement", "groups", "differences")),
+        ]
         across = [_trimmed(table) for table in across if table.rows]
         rows, cells = cells_shown(report.groups)
         keys = {part["name"]: part["key"] for part in parts}

@@ -18,6 +18,7 @@ from stlbench.report.tables.controllers import Known, best_known, controllers_ta
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown
 from stlbench.report.tables.robustness import overview, robustness_table
 from stlbench.report.tables.rows import Group, outside, split, trained
+from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import Table, Width
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class Report:
             "comparisons": self.comparisons,
             "aggregates": aggregates_table(self.fields),
             "improvement": improvement_table(self.fields),
+            "groups": groups_table(self.fields),
+            "differences": pairs_table(self.fields),
             "controllers": controllers_table({name: self.standards[name] for name in self.standards if name in names}),
             "alignment": alignment_table(self.aligned),
             "time": time_table(self.learned),
@@ -87,7 +90,17 @@ class Report:
     @property
     def summary(self) -> tuple[Table, ...]:
         """What a reader is shown, in this order; tables without a row are left out."""
-        names = ("aggregates", "improvement", "robustness", "comparisons", "controllers", "alignment", "time")
+        names = (
+            "aggregates",
+            "improvement",
+            "groups",
+            "differences",
+            "robustness",
+            "comparisons",
+            "controllers",
+            "alignment",
+            "time",
+        )
         tables = [self.overview] * (len(self._tasks) > 1) + [self.tables[name] for name in names]
         return (*self.first, *(table for table in (*tables, unfinished_table(self.groups)) if table.rows))
 
@@ -109,12 +122,16 @@ class Report:
         return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
 
 
+_IF_ANY = ("aggregates", "improvement", "groups", "differences", "alignment")
+"""Tables that have no file without a row."""
+
+
 def write(report: Report, folder: Path, load: Load, width: Width = "page") -> list[Path]:
     """Write every table into `folder`, and every figure that has changed; the paths of all files.
 
     report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone. There are no
-    files of aggregates below three tasks, and none of alignment without a plan. figures/ has a few figures of each
-    task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
+    files of aggregates below three tasks, of groups without drawn tasks, and of alignment without a plan. figures/ has
+    a few figures of each task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
     Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
     """
     from stlbench.report.figures.files import write_figures
@@ -123,7 +140,7 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
     text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))
     files = {"report.md": f"# stlbench report\n\n{text}"}
     for name, table in report.tables.items():
-        if table.rows or name not in ("aggregates", "improvement", "alignment"):
+        if table.rows or name not in _IF_ANY:
             files[f"{name}.csv"] = to_csv(table)
             if name != "cells":
                 files[f"{name}.tex"] = to_latex(table, width)

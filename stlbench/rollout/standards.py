@@ -10,6 +10,7 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.records.identity import Setting, Track
 from stlbench.records.result import Score
+from stlbench.registry import suites
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout import baselines, controller
 from stlbench.rollout.auto import for_every_method
@@ -37,6 +38,8 @@ class Standard:
     constant: Score | None = None  # what the best constant action gets from them
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
     """Of the methods that were asked for, those that pay the same (`equal_payments`)."""
+    groups: Mapping[str, str] = field(default_factory=dict)
+    """Of a task that a suite drew, its system, template and so on (`Suite.groups`)."""
     trivial: bool = False
     """Whether a constant action solves the task: it satisfies from as many starts as a policy that has learned it.
     Aggregates over tasks are also without such tasks."""
@@ -50,6 +53,7 @@ class Standard:
 class Known:
     best_known: BestKnown | None
     own_agent: str
+    groups: Mapping[str, str]
 
 
 def about(task: Choice) -> Question[Known]:
@@ -58,7 +62,7 @@ def about(task: Choice) -> Question[Known]:
 
 def known(task: Choice) -> Known:
     loaded = load_task(task)
-    return Known(loaded.file.best_known, loaded.own_agent)
+    return Known(loaded.file.best_known, loaded.own_agent, suites.groups(task.name))
 
 
 def by_hand(task: Choice) -> Question[Score | None]:
@@ -124,6 +128,7 @@ def _standard(
         by_hand=answered.get(by_hand(task)),
         best_known=facts.best_known,
         own_agent=facts.own_agent,
+        groups=facts.groups,
         at_random=answered.get(at_random(task)),
         zero=constants.zero if constants else None,
         constant=constants.best if constants else None,

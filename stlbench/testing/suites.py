@@ -15,7 +15,8 @@ def check_suite(suite: str, rules: Rules | None = None) -> None:
     """Check a suite, and the first task of each of its splits.
 
     The rules: names are parts of a-z, 0-9 and - with slashes between them, each of a task of its own; splits have these
-    names; a name gives the same task twice; a task keeps the rules of `check_task`.
+    names; all tasks have the same kinds of groups; a name gives the same task twice; a task keeps the rules of
+    `check_task`.
 
     Args:
         suite: the name of an installed suite.
@@ -32,6 +33,8 @@ def check_suite(suite: str, rules: Rules | None = None) -> None:
     rules.keep(len(set(joined)) == len(joined), "no two names are alike with - in place of /", joined)
     unknown = [name for names in made.splits.values() for name in names if name not in made.names]
     rules.keep(not unknown, "splits have names of the suite", unknown[:1])
+    kinds = {tuple(made.groups(name)) for name in made.names}
+    rules.keep(len(kinds) <= 1, "all tasks have the same kinds of groups", kinds)
     for name in dict.fromkeys(names[0] for names in made.splits.values() if names):
         rules.keep(made.task(name) == made.task(name), "a name gives the same task twice", name)
         check_task(f"{suite}:{name}", rules)

@@ -22,6 +22,7 @@ from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
 from stlbench.report.figures.style import Colours, colours_of, fitting, now, pages, rc
+from stlbench.report.statistics.sampled import FEWEST
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
@@ -202,6 +203,22 @@ def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
             (several, {entry.method: colours[entry.method] for entry in several[0].entries}),
         )
         for kind, several in by_kind.items()
+    ] + _ranks(fields, colours)
+
+
+def _ranks(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
+    """Of drawn tasks alone, since the tests are over a sample of tasks; of three methods or more that all fit."""
+    label = "The mean rank of each method over the drawn tasks, and which methods may be alike"
+    fitting = [field for field in fields if field.groups and all(all(entry.scores) for entry in field.entries)]
+    return [
+        Drawing(
+            file_name("ranks", field.budget, field.track),
+            label,
+            ("ranks", "ranks"),
+            (field, {entry.method: colours[entry.method] for entry in field.entries}),
+        )
+        for field in {(field.budget, field.track): field for field in fitting}.values()
+        if len(field.entries) > 2 and len(field.tasks) >= FEWEST
     ]
 
 

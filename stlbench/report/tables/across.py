@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -36,6 +36,8 @@ class Entry:
     unfinished: str  # how the cells without a result ended: "40 intractable"; empty if all have one
     classes: tuple[int, ...] = ()
     """For each task: methods of the same class are paid the same there, up to a constant. Empty: none are."""
+    learned: tuple[tuple[bool, ...], ...] = ()
+    """Whether the seeds behind the scores learned the task; a seed without a result did not."""
 
     @property
     def runs(self) -> Runs:
@@ -64,6 +66,8 @@ class Field:
     tasks: tuple[str, ...]
     name: str  # which tasks these are: "all 12"; "9 of 12, not trivial"; "4 of 12, not trivial, all methods fit"
     entries: tuple[Entry, ...]
+    groups: tuple[Mapping[str, str], ...] = ()
+    """For each task its system, template and so on, if suites drew all of them; empty otherwise."""
 
     @cached_property
     def aggregates(self) -> tuple[Aggregate, ...]:
@@ -84,6 +88,20 @@ class Field:
                 runs, other_runs = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
                 rows.append((one.method, other.method, len(both), across.improvement(runs, other_runs)))
         return tuple(rows)
+
+    @property
+    def medians(self) -> NDArray[np.float64]:
+        """(tasks, methods): the median of each method's runs, where all fit all tasks.
+
+        Methods that are paid the same share the median of all their runs.
+        """
+        rows = []
+        for methods in self._by_task:
+            fitting = [method for method in methods if method is not None]
+            rows.append(
+                [np.median(np.concatenate([runs for own, runs in fitting if own == kind])) for kind, _ in fitting]
+            )
+        return np.array(rows)
 
     @property
     def _by_task(self) -> list[list[tuple[int, NDArray[np.float64]] | None]]:
@@ -134,18 +152,21 @@ def _fields(budget: str, track: str, members: Sequence[Contest], known: Known) -
             parts = ["not trivial"] * (count <= len(hard) < len(members)) + ["all methods fit"] * (count < len(hard))
             name = ", ".join([f"{count} of {len(members)}", *parts]) if parts else f"all {count}"
             entries = tuple(_entry(method, contests_of, known) for method in methods)
-            yield Field(budget, track, tasks, name, entries)
+            of_tasks = tuple(known.standards[contest[0].setting.task.name].groups for contest in contests_of)
+            yield Field(budget, track, tasks, name, entries, of_tasks if all(of_tasks) else ())
 
 
 def _entry(method: Choice, members: Sequence[Contest], known: Known) -> Entry:
     groups = [group for contest in members for group in contest if group.setting.method == method]
-    scores = []
+    scores, learned = [], []
     for group in groups:
         low, high = _scale(group.setting.task, known) or (0.0, 1.0)
-        scores.append(tuple(_score(row, low, high) for row in group.rows) if group.done else ())
+        rows = group.rows if group.done else ()
+        scores.append(tuple(_score(row, low, high) for row in rows))
+        learned.append(tuple(row.numbers is not None and row.numbers.learned for row in rows))
     ended = unfinished(row for group in groups for row in group.rows)
     classes = tuple(_class(group, contest, known) for group, contest in zip(groups, members, strict=True))
-    return Entry(str(method), tuple(scores), ended, classes)
+    return Entry(str(method), tuple(scores), ended, classes, tuple(learned))
 
 
 def _class(group: Group, contest: Contest, known: Known) -> int:

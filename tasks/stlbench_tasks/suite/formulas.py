@@ -136,6 +136,11 @@ class FormulaSuite(Suite):
         known = {"best_known": best | why, "baselines": facts["baselines"]}
         return SuiteTask(SYSTEMS[candidate.system], json.dumps(candidate.content(f"suite:{name}") | known))
 
+    def groups(self, name: str) -> Mapping[str, str]:
+        """Its system and its template."""
+        system, template, _ = name.split("/")
+        return {"system": system, "template": template}
+
     def candidate(self, name: str) -> Candidate:
         """What a name stands for."""
         system, template, n = name.split("/")

@@ -6,6 +6,7 @@ import pytest
 
 from stlbench.report.figures.across import across_tasks, place, ticks
 from stlbench.report.figures.files import drawings_across
+from stlbench.report.figures.ranks import ranks
 from stlbench.report.figures.style import COLOURS
 from stlbench.report.tables.across import Entry, Field
 
@@ -78,3 +79,28 @@ def test_one_figure_for_each_budget_and_track(tmp_path):
         f"across-quick-{track}.{end}" for track in ("plain", "shared") for end in ("png", "svg", "pdf")
     ]
     assert drawings_across((), COLOURED) == []
+
+
+def drawn(methods, tasks):
+    """A field of a suite: the first method is best on every task, the next second, and so on."""
+    names = list(COLOURED)[:methods]
+    entries = tuple(Entry(name, ((1 - i / 10,) * 2,) * tasks, "") for i, name in enumerate(names))
+    return Field("quick", "auto", tuple(map(str, range(tasks))), "all", entries, ({"system": "arm"},) * tasks)
+
+
+def test_ranks_are_drawn_of_three_methods_that_fit_eight_drawn_tasks():
+    assert [each.name for each in drawings_across((drawn(3, 8),), COLOURED)] == [
+        "across-quick-auto",
+        "ranks-quick-auto",
+    ]
+    for field in (drawn(2, 8), drawn(3, 7), EVERY):
+        assert len(drawings_across((field,), COLOURED)) == 1
+
+
+def test_methods_that_are_nearer_than_the_critical_difference_have_a_bar():
+    """Six tasks and three methods: the difference is 2.343 sqrt(12 / 36) = 1.353, so 1 and 3 alone are apart."""
+    (axes,) = ranks(drawn(3, 6), COLOURED).axes
+    texts = [label.get_text() for label in axes.get_yticklabels()]
+    assert texts == [*list(COLOURED)[:3], "may be alike", "may be alike", "critical difference"]
+    bars = [line.get_xdata() for line in axes.lines if line.get_linewidth() == 2.5]
+    assert [list(ends) for ends in bars] == [[1, 2], [2, 3]]

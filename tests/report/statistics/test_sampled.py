@@ -1,0 +1,85 @@
+"""Means over drawn tasks: by hand, by laws, and how often their intervals cover what is true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.studies import load
+from scipy import stats
+
+from stlbench.report.statistics import sampled
+from stlbench.report.statistics.critical import Ranking, ranking
+
+TASKS = [
+    np.array(seeds)
+    for seeds in ([0.1, 0.3], [0.4, 0.8], [0.9, 0.7], [0.2, 0.2], [1.0, 0.6], [0.5, 0.5], [0, 1], [0.3, 0.4])
+]
+
+
+def test_every_task_has_the_same_weight_however_many_seeds_it_has() -> None:
+    assert sampled.mean([np.array([1.0]), np.array([0.0, 0.0, 0.0])]).value == 0.5
+    assert sampled.difference([np.array([1.0, 0.0])], [np.array([0.25])]).value == 0.25
+
+
+def test_fewer_than_eight_tasks_have_no_interval() -> None:
+    assert sampled.mean(TASKS[:7]).interval is None
+    assert sampled.mean(TASKS).interval is not None
+
+
+def test_the_order_of_seeds_changes_nothing() -> None:
+    assert sampled.mean([seeds[::-1] for seeds in TASKS]) == sampled.mean(TASKS)
+
+
+def test_tasks_without_scatter_of_seeds_have_an_interval_about_as_wide_as_students() -> None:
+    values = np.random.default_rng(0).normal(size=40)
+    ends = sampled.mean([np.full(3, value) for value in values]).interval
+    half = stats.t.ppf(0.975, 39) * values.std(ddof=1) / 40**0.5
+    assert ends == pytest.approx((values.mean() - half, values.mean() + half), abs=0.1 * half)
+
+
+def test_both_methods_are_drawn_the_same_tasks() -> None:
+    """Tasks differ by up to 1, and the methods by .2 on each."""
+    ends = sampled.difference([np.full(2, at + 0.2) for at in range(8)], [np.full(2, float(at)) for at in range(8)])
+    assert ends.value == pytest.approx(0.2)
+    assert ends.interval == pytest.approx((0.2, 0.2))
+
+
+def test_where_all_seeds_learned_the_interval_is_exact() -> None:
+    assert sampled.share([[True, True]] * 8).interval == pytest.approx((0.025 ** (1 / 8), 1.0))
+    assert sampled.share([[False]] * 8).interval == pytest.approx((0.0, 1 - 0.025 ** (1 / 8)))
+
+
+@pytest.mark.parametrize(("family", "tasks"), [("normal", 12), ("learned", 24)])
+def test_coverage(family: str, tasks: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over 200 samples of tasks with one seed. The page on evaluation has more cases."""
+    monkeypatch.setattr(sampled, "RESAMPLES", 999)
+    assert load("interval_coverage").drawn_coverage(family, tasks, 1, 200) >= 0.9
+
+
+# ------------------------------------------------------------------------------------------------------------ ranks
+
+
+@pytest.mark.parametrize(("methods", "quantile"), [(3, 2.343), (4, 2.569), (10, 3.164)])
+def test_the_critical_difference_is_that_of_demsars_table(methods: int, quantile: float) -> None:
+    values = np.random.default_rng(0).normal(size=(14, methods))
+    expected = quantile * (methods * (methods + 1) / (6 * 14)) ** 0.5
+    assert ranking(values).difference == pytest.approx(expected, abs=1e-3)
+
+
+def test_ranks_by_hand() -> None:
+    """The first is best on three tasks and shares the second place on the fourth."""
+    found = ranking(np.array([[3.0, 2.0, 1.0], [3.0, 1.0, 2.0], [9.0, 2.0, 1.0], [1.0, 1.0, 5.0]]))
+    assert found.ranks == ((3 * 1 + 2.5) / 4, (2 + 3 + 2 + 2.5) / 4, (3 + 2 + 3 + 1) / 4)
+    assert 0.05 < found.chance < 1
+
+
+def test_methods_that_are_never_apart_are_alike_by_chance_1() -> None:
+    found = ranking(np.ones((6, 3)))
+    assert found.ranks == (2.0, 2.0, 2.0)
+    assert found.chance == 1.0
+
+
+def test_sets_that_may_be_alike_are_as_large_as_possible() -> None:
+    assert Ranking((1.0, 3.5, 1.9, 2.6), 0.01, 1.0).alike == [(0, 2), (2, 3), (3, 1)]
+    assert Ranking((1.0, 1.2, 1.9), 0.5, 1.0).alike == [(0, 1, 2)]
+    assert Ranking((1.0, 3.0), 0.01, 1.0).alike == []
