@@ -65,6 +65,7 @@ def _facts(name: str) -> dict[str, Any]:
     return {
         "task": f"{plugin.suite.name}:{plugin.member}",
         "splits": [split for split, names in splits.items() if plugin.member in names],
+        "groups": dict(suites.groups(name)),
         "steps": file.steps,
         "best_known": None if known is None else known.robustness,
         "upper_bound": None if known is None else known.upper_bound,
@@ -75,10 +76,21 @@ def _facts(name: str) -> dict[str, Any]:
 def _table(address: str, listed: list[dict[str, Any]]) -> Iterator[Table]:
     from stlbench.report import Column, Table
 
-    titles = {"task": "task", "splits": "splits", "steps": "steps", "best_known": "best known", "upper_bound": "bound"}
-    columns = tuple(Column(title, right=title not in ("task", "splits")) for title in titles.values())
-    rows = tuple(tuple(", ".join(v) if isinstance(v := facts[key], list) else v for key in titles) for facts in listed)
-    yield Table(f"{address}: {len(listed)} tasks", columns, rows)
+    columns = {
+        Column("task", right=False): lambda facts: facts["task"],
+        Column("splits", right=False): lambda facts: ", ".join(facts["splits"]),
+        Column("groups", right=False): _groups_beyond_the_name,
+        Column("steps"): lambda facts: facts["steps"],
+        Column("best known"): lambda facts: facts["best_known"],
+        Column("bound"): lambda facts: facts["upper_bound"],
+    }
+    yield Table.of(f"{address}: {len(listed)} tasks", listed, columns)
+
+
+def _groups_beyond_the_name(facts: dict[str, Any]) -> str | None:
+    """The groups that the task's name does not say: "tier near"."""
+    said = facts["task"].partition(":")[2].split("/")
+    return ", ".join(f"{kind} {group}" for kind, group in facts["groups"].items() if group not in said) or None
 
 
 @app.command("draw")

@@ -22,6 +22,7 @@ from stlbench_tasks.suite.about import SuiteSystem
 from stlbench_tasks.suite.formulas import Candidate, fits
 from stlbench_tasks.suite.scene import Cramped, Disc, Draw, Scene
 from stlbench_tasks.suite.systems import SYSTEMS, Arm, Integrator, Pair
+from stlbench_tasks.suite.tiers import TIERS, distance, tier
 
 SUITE = FormulaSuite()
 QUICK = SUITE.splits["quick"]
@@ -174,6 +175,24 @@ def test_splits() -> None:
     assert len({name.split("/")[0] for name in QUICK}) == len(SYSTEMS)
 
 
+def test_tiers_by_hand() -> None:
+    """The witness has .5 m, the best baseline misses by 1 m: that is 3 times .5 m less; at 1.5 m it is 4 times."""
+    facts = {"robustness": 0.5, "baselines": {"zero": {"robustness": -3.0}, "random": {"robustness": -1.0}}}
+    assert (distance(facts), tier(facts)) == (3.0, "near")
+    facts["baselines"]["random"]["robustness"] = -1.5
+    assert (distance(facts), tier(facts)) == (4.0, "middle")
+    facts["baselines"]["random"]["robustness"] = -9.0
+    assert (distance(facts), tier(facts)) == (7.0, "far")  # the action zero is the best now
+
+
+def test_groups_of_tasks() -> None:
+    groups = [SUITE.groups(name) for name in SUITE.names]
+    assert {tuple(of_task) for of_task in groups} == {("system", "template", "tier")}
+    assert {of_task["template"] for of_task in groups} == set(templates.TEMPLATES)
+    counts = [sum(of_task["tier"] == each for of_task in groups) for each in TIERS]
+    assert min(counts) > len(groups) / 5
+
+
 def task_of(name: str) -> Task:
     return load_task(f"suite:{name}")
 
@@ -211,23 +230,36 @@ def study() -> ModuleType:
     return load("suite")
 
 
-@pytest.mark.parametrize("name", QUICK[1::6])
-def test_the_upper_bound_is_above_what_random_actions_get(study: ModuleType, name: str) -> None:
-    task = task_of(name)
+SOUND = ["integrator/tube/1", "unicycle/tube/1", "pair/reach-stay/1", "integrator/patrol-stay/1", *QUICK[1::6]]
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_an_upper_bound_is_above_all_that_was_reached(study: ModuleType, name: str) -> None:
+    task, known = task_of(name), SUITE.facts(name)
     bound = study.upper_bound(task, SYSTEMS[name.split("/")[0]])
-    assert bound == pytest.approx(SUITE.facts(name)["upper_bound"], abs=1e-4)
+    assert known["robustness"] - 1e-5 <= known["upper_bound"] <= bound + 1e-5
+    assert bound == pytest.approx(known["upper_bound"], abs=1e-4)
     assert baselines.at_random(task).mean <= bound
 
 
-def test_an_upper_bound_by_hand(study: ModuleType) -> None:
-    """Reach x <= 0.5 around 3 within 10 steps: from 1.9 at 1.414 m/s for 1 s one gets as near as 0 m, so 0.5 is left;
-    within 5 steps there is 1.1 - 0.707 m left, so 0.107."""
-    candidate = Candidate("integrator", "reach", "usual", 0)
-    task = study.load(candidate)[0]
-    for steps, expected in ((10, 0.5), (5, 0.5 - (1.1 - 0.5 * 2**0.5))):
-        formula = stl.parse(f"F[0,{steps}] norm(x - 3, y - 3) <= 0.5")
-        region = type(task.file.initial)(box={"x": 1.9, "y": 3.0})
-        file = task.file.model_copy(update={"formula": formula, "steps": steps, "initial": region})
-        assert study.upper_bound(Task(task.choice, file, task.dynamics), Integrator) == pytest.approx(
-            expected, abs=1e-3
-        )
+def bound_of(study: ModuleType, formula: str, steps: int, x: float) -> float:
+    """The upper bound on the integrator, from (x, 3)."""
+    task = study.load(Candidate("integrator", "reach", "usual", 0))[0]
+    region = type(task.file.initial)(box={"x": x, "y": 3.0})
+    file = task.file.model_copy(update={"formula": stl.parse(formula), "steps": steps, "initial": region})
+    return float(study.upper_bound(Task(task.choice, file, task.dynamics), Integrator))
+
+
+@pytest.mark.parametrize(
+    ("formula", "steps", "x", "bound"),
+    [
+        ("F[0,10] norm(x - 3, y - 3) <= 0.5", 10, 1.9, 0.5),  # 1.1 m away; within 1 s a point gets 1.414 m far
+        ("F[0,5] norm(x - 3, y - 3) <= 0.5", 5, 1.9, 0.5 - (1.1 - 0.5 * 2**0.5)),
+        ("F[5,10] G[0,5] norm(x - 3, y - 3) <= 0.5", 15, 2.9, 0.4),  # after decisions x is 2.9 + .25 k
+        ("G[5,10] norm(x - 3, y - 3) <= 0.5 & G[10,15] norm(x - 3.5, y - 3) <= 0.5", 15, 3.0, 0.25),  # between both
+        ("G[5,10] norm(x - 3, y - 3) <= 0.5 & G[10,15] norm(x - 3.5, y - 3) <= 0.5", 15, 2.9, 0.15),  # x is 3.15 then
+        ("G[5,10] norm(x - 3, y - 3) >= 0.5", 10, 3.0, 0.5 * 2**0.5 - 0.5),  # no lattice bounds what goes far away
+    ],
+)
+def test_upper_bounds_by_hand(study: ModuleType, formula: str, steps: int, x: float, bound: float) -> None:
+    assert bound_of(study, formula, steps, x) == pytest.approx(bound, abs=2e-3)

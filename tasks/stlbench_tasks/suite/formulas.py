@@ -26,6 +26,7 @@ from stlbench_tasks.suite.templates import (
     tube,
     until,
 )
+from stlbench_tasks.suite.tiers import tier
 
 VERSION = 1
 """A change of what a name means is a suite of another name."""
@@ -137,9 +138,9 @@ class FormulaSuite(Suite):
         return SuiteTask(SYSTEMS[candidate.system], json.dumps(candidate.content(f"suite:{name}") | known))
 
     def groups(self, name: str) -> Mapping[str, str]:
-        """Its system and its template."""
+        """Its system, its template, and its tier: how far the baselines stay from the witness."""
         system, template, _ = name.split("/")
-        return {"system": system, "template": template}
+        return {"system": system, "template": template, "tier": tier(self.facts(name))}
 
     def candidate(self, name: str) -> Candidate:
         """What a name stands for."""

@@ -1,0 +1,54 @@
+"""What committed studies may do with the suite: develop on `dev`, and report on the rest."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from stlbench.registry import suites
+
+ROOT = Path(__file__).parents[2]
+REPORTED = {"suite-quick"}
+"""Studies that report, and develop nothing. Their results are in the folder of the same name."""
+DEV = set(suites.named("suite:dev"))
+_ADDRESS = re.compile(r"\bsuite:[a-z0-9/-]*[a-z0-9]")
+_TASK = re.compile(r"\bsuite-[a-z-]+-[0-9]+\b")
+
+
+def tasks_in(text: str) -> set[str]:
+    """The tasks of the suite that a text names, by address or by name."""
+    named = {task for address in _ADDRESS.findall(text) for task in suites.named(address)}
+    return named | {task for task in _TASK.findall(text) if suites.task(task)}
+
+
+def test_tasks_are_found_by_address_and_by_name() -> None:
+    assert tasks_in("tasks: [suite:unicycle/reach-stay/1, hold-disc]") == {"suite-unicycle-reach-stay-1"}
+    assert tasks_in('{"task": "suite-unicycle-reach-stay-1"}, suite-quick') == {"suite-unicycle-reach-stay-1"}
+    assert len(tasks_in("tasks: suite:quick")) == 24
+    assert not tasks_in("tasks: suite:quick") & DEV
+
+
+STUDIES = [path for path in sorted((ROOT / "studies").iterdir()) if path.suffix in (".py", ".yaml", ".sh")]
+RECORDED = sorted((ROOT / "results").glob("**/*.jsonl"))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.name)
+def test_a_study_that_does_not_report_names_tasks_of_dev_alone(path: Path) -> None:
+    if path.stem not in REPORTED:
+        assert tasks_in(path.read_text(encoding="utf-8")) <= DEV
+
+
+@pytest.mark.parametrize("path", RECORDED, ids=lambda path: path.parent.name)
+def test_results_of_other_tasks_are_those_of_studies_that_report(path: Path) -> None:
+    if path.relative_to(ROOT / "results").parts[0] not in REPORTED:
+        assert tasks_in(path.read_text(encoding="utf-8")) <= DEV
+
+
+def test_studies_that_report_are_there_and_use_reported_seeds() -> None:
+    """Rules are developed on seeds from 100 on."""
+    for name in REPORTED:
+        text = (ROOT / "studies" / f"{name}.yaml").read_text(encoding="utf-8")
+        assert f"results: results/{name}\n" in text
+        assert re.search(r"^seeds: [0-9]{1,2}$", text, re.MULTILINE)
