@@ -81,13 +81,17 @@ def in_words(message: str) -> str:
     return message
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of a message about an unknown name: "; did you mean 'funnel'?" or "; there are: flag, funnel"."""
+def did_you_mean(name: str, known: Iterable[str], few: Iterable[str] = ()) -> str:
+    """The end of a message about an unknown name: "; did you mean 'funnel'?" or "; there are: flag, funnel".
+
+    Where none is close, it lists the `few`, if there are any, in place of all.
+    """
     names = sorted(known)
     close = get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"; did you mean '{close[0]}'?"
-    return f"; there are: {', '.join(names)}" if names else "; there are none"
+    listed = list(few) or names
+    return f"; there are: {', '.join(listed)}" if listed else "; there are none"
 
 
 # ------------------------------------------------------------------------------------------ texts of plugins, made safe

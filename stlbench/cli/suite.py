@@ -33,16 +33,45 @@ def suite() -> None:
 
 
 @app.command("list")
-def list_tasks(tasks: Address, as_json: Json = False) -> None:
-    """List tasks of a suite: splits, steps, the robustness of the witness and its upper bound.
+def list_tasks(
+    tasks: Annotated[
+        str | None, typer.Argument(metavar="[TASKS]", help="As suite:dev; without it, what there is.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List tasks of a suite: splits, groups, steps, the robustness of the witness and its upper bound.
+
+    Without TASKS it lists the splits and the systems of all suites.
 
     \b
     Examples:
+      stlbench suite list
       stlbench suite list suite:quick
       stlbench suite list suite:unicycle/sequence
     """
+    if tasks is None:
+        counts = _counts()
+        show(as_json, counts, _counts_table(counts))
+        return
     listed = [_facts(name) for name in _names(tasks)]
     show(as_json, listed, _table(tasks, listed))
+
+
+def _counts() -> list[dict[str, Any]]:
+    from stlbench.registry import plugins, suites
+
+    return [
+        {"tasks": f"{name}:{part}", "count": len(members)}
+        for name, plugin in plugins.available("suites").items()
+        for part, members in suites.parts(suites.made(plugin)).items()
+    ]
+
+
+def _counts_table(counts: list[dict[str, Any]]) -> Iterator[Table]:
+    from stlbench.report import Column, Table
+
+    columns = {Column("tasks", right=False): lambda row: row["tasks"], Column("count"): lambda row: row["count"]}
+    yield Table.of("Suites", counts, columns)
 
 
 def _names(address: str) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
@@ -78,8 +78,14 @@ def named(address: str) -> tuple[str, ...]:
     name, _, rest = address.partition(":")
     suite = made(plugins.find("suites", name))
     if not (chosen := suite.splits.get(rest) or [each for each in suite.names if f"{each}/".startswith(f"{rest}/")]):
-        known = dict.fromkeys(
-            [*suite.splits, *("/".join(each.split("/")[:n]) for n in (1, 2, 3) for each in suite.names)]
-        )
-        raise UsageError(f"suite {name} has no '{rest}'{did_you_mean(rest, known)}")
+        known = [*suite.splits, *("/".join(each.split("/")[:n]) for n in (1, 2, 3) for each in suite.names)]
+        raise UsageError(f"suite {name} has no '{rest}'{did_you_mean(rest, set(known), parts(suite))}")
     return tuple(f"{name}-{each.replace('/', '-')}" for each in chosen)
+
+
+def parts(suite: Suite) -> Mapping[str, Sequence[str]]:
+    """The shortest addresses, without the name of the suite, and the tasks of each: splits, then first parts."""
+    first = dict.fromkeys(name.partition("/")[0] for name in suite.names)
+    return dict(suite.splits) | {
+        part: [name for name in suite.names if name.partition("/")[0] == part] for part in first
+    }

@@ -19,6 +19,22 @@ def test_list() -> None:
     assert all(0 < row["best_known"] <= row["upper_bound"] for row in listed)
     text = CliRunner().invoke(app, ["suite", "list", "suite:quick"]).stdout
     assert "24 tasks" in text
+    assert "tier " in text
+    assert listed[1]["groups"]["template"] == "reach-stay"
+
+
+def test_without_a_name_it_lists_what_there_is() -> None:
+    counts = json.loads(CliRunner().invoke(app, ["suite", "list", "--json"]).stdout)
+    assert {row["tasks"] for row in counts} > {"suite:dev", "suite:quick", "suite:unicycle"}
+    assert next(row["count"] for row in counts if row["tasks"] == "suite:quick") == 24
+    assert "suite:unicycle" in CliRunner().invoke(app, ["suite", "list"]).stdout
+
+
+def test_an_unknown_part_is_answered_with_few_names() -> None:
+    refused = CliRunner().invoke(app, ["suite", "list", "suite:nothing"])
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith("error: suite suite has no 'nothing'; there are: dev, core, hard, quick, ")
+    assert len(refused.stderr) < 250
 
 
 def test_a_task_that_is_in_no_suite() -> None:
