@@ -34,8 +34,8 @@ class Summary:
     minimum: float
     """NaN if it was not recorded."""
     satisfaction: float
-    starts: int | None = None
-    """The number of starts; None if it was not recorded."""
+    starts: int
+    """The number of starts."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Score:
     """Instead of the values per start, which are then empty; for many starts only this is stored."""
     ended_early: float | None = field(default=None, compare=False)
     """Share of the starts, in [0, 1], from which the environment ended the episode before the formula's horizon; None
-    in older records. It is no part of the verdict, so that older scores compare equal."""
+    where it was not counted. It is no part of the verdict."""
 
     @property
     def mean(self) -> float:
@@ -72,8 +72,8 @@ class Score:
         return self.summary.satisfaction if self.summary else float(np.mean(self.satisfied))
 
     @property
-    def starts(self) -> int | None:
-        """The number of starts; None if it was not recorded."""
+    def starts(self) -> int:
+        """The number of starts."""
         return self.summary.starts if self.summary else len(self.robustness)
 
     def summarised(self) -> Score:
@@ -97,9 +97,8 @@ class CurvePoint:
     """CPU seconds of training so far."""
     satisfaction: float
     robustness_mean: float
-    starts: int | None = None
-    """From how many of these starts: a checkpoint that is clearly behind is scored from fewer than a good one. None in
-    records that do not say it; there it is all."""
+    starts: int
+    """From how many of these starts: a checkpoint that is clearly behind is scored from fewer than a good one."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ class StoredPolicies:
     hold: int | None = None
     """On the track `tuned`, the steps for which the recipe holds an action; None if the task's own number holds."""
     observation: Observation | None = None
-    """What the numbers of their observations mean; None in older records."""
+    """What the numbers of their observations mean; None where it was not recorded."""
 
 
 @dataclass(frozen=True)

@@ -111,8 +111,8 @@ class Results:
         The protocol is `formula`, the task's own, or one of the task's further protocols. The policy is `selected`,
         the checkpoint that did best on other starts, or `final`, the one at the end of training. `robustness_mean` is
         over the starts, `robustness_min` from the worst of them, `satisfaction` the share that satisfies.
-        `ended_early` is the share whose episode the environment ended before the formula's horizon; it is NaN in
-        records of before that was counted.
+        `ended_early` is the share whose episode the environment ended before the formula's horizon; it is NaN where
+        it was not counted.
         """
         rows = (
             (result.id, {"protocol": protocol, "policy": policy} | score_numbers(score))
@@ -147,7 +147,7 @@ class Results:
         """One row per finished cell and checkpoint, scored on the starts that are kept for selection.
 
         `steps` are environment steps, `cpu_seconds` those of training so far; `starts` says from how many of those
-        starts, and is missing in older records, where it is all of them.
+        starts.
         """
         rows = (
             (result.id, {name: getattr(point, name) for name in _CURVE})
@@ -155,7 +155,7 @@ class Results:
             if result.measurement
             for point in result.measurement.curve
         )
-        return _table(rows, _CURVE).astype({"starts": "Int64"})
+        return _table(rows, _CURVE)
 
     def failures(self) -> pd.DataFrame:
         """One row per cell that raised, ran out of time or was killed: status, reason and traceback.

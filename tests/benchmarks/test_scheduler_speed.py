@@ -122,7 +122,7 @@ def _finished(cell: Cell) -> Result:
         measurement=measurement(
             robustness,
             further={name: robustness for name in ("paper", "tail", "centre")},
-            curve=tuple(CurvePoint(12_000 * i, 0.1 * i, i / 20, 0.01 * i) for i in range(1, 21)),
+            curve=tuple(CurvePoint(12_000 * i, 0.1 * i, i / 20, 0.01 * i, 64) for i in range(1, 21)),
         ),
         provenance={"jobs": "1", "machine": "made up", "python": "3.11"},
     )

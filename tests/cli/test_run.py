@@ -18,10 +18,9 @@ from helpers.imports import HEAVY, imported
 from helpers.refusals import refused
 from helpers.synthetic_results import result
 
-from stlbench.errors import UsageError
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.registry import plugins
-from stlbench.study.study import Study, parse_seeds
+from stlbench.study.study import Study
 
 
 @pytest.fixture
@@ -60,6 +59,11 @@ def test_the_same_words_run_nothing_and_repeat_the_tables(run, monkeypatch):
     assert again.stdout == first.stdout
 
 
+def test_more_seeds_run_only_what_is_missing(run, ran):
+    assert run("toy-raw", "--seeds", "0-2,5").stderr.splitlines()[0] == "4 cells, 2 of them done before"
+    assert [seed for _, seed, _ in cells()] == ["0", "1", "2", "5"]
+
+
 @pytest.mark.slow
 def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
     """The first report draws, the second finds the figures as they are."""
@@ -72,13 +76,6 @@ def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
     packages = imported(words, folder=tmp_path)
     assert "numpy" in packages
     assert not (HEAVY - {"scipy"}) & packages  # intervals need SciPy
-
-
-def test_more_seeds_run_only_what_is_missing(run):
-    run("toy-raw", "--seeds", "2")
-    done = run("toy-raw", "--seeds", "0-2,5")
-    assert done.stderr.splitlines()[0] == "4 cells, 2 of them done before"
-    assert [seed for _, seed, _ in cells()] == ["0", "1", "2", "5"]
 
 
 def test_the_files_have_all_cells_and_the_screen_those_of_this_command(run, say):
@@ -127,17 +124,9 @@ def test_ctrl_c_keeps_what_is_done_says_what_is_missing_and_the_next_run_goes_on
     assert len(cells()) == 5
 
 
-def json_report():
-    from typer.testing import CliRunner
-
-    from stlbench.cli import app
-
-    return json.loads(CliRunner().invoke(app, ["report", "results", "--json"]).stdout)
-
-
-def test_report_as_json(run):
+def test_report_as_json(run, say):
     run("toy-raw,toy-large")
-    found = json_report()
+    found = json.loads(say("report", "results", "--json").stdout)
     lists = {"robustness", "comparisons", "aggregates", "improvement", "controllers", "alignment", "time", "cells"}
     assert set(found) == lists
     assert [name for name, rows in found.items() if rows] == ["robustness", "controllers", "time", "cells"]
@@ -152,11 +141,10 @@ def test_the_controller_is_scored_once_however_many_cells_there_are(run, say, do
     done = run("toy-raw,toy-raw[weight=2],toy-large", "--seeds", "3")
     assert "Controllers and baselines: task toy-line" in done.stdout
     assert down == [0, 0, 1, 2, 3]
-    (row,) = json_report()["controllers"]
-    shown = json_report()["robustness"][1]
-    assert {key: row[key] for key in ("mean robustness", "worst start", "satisfied [%]")} == {
-        key: shown[key] for key in ("mean robustness", "worst start", "satisfied [%]")
-    }
+    report = json.loads(say("report", "results", "--json").stdout)
+    (row,), shown = report["controllers"], report["robustness"][1]
+    for key in ("mean robustness", "worst start", "satisfied [%]"):
+        assert row[key] == shown[key]
     assert row["at random"] < row["mean robustness"] == row["zero action"] <= row["best constant action"]
     assert row["trivial"] == "trivial"
     assert Path("results/controllers.csv").read_text().splitlines()[1].startswith("toy-line,")
@@ -192,37 +180,18 @@ def test_report_of_an_empty_ledger(say):
     assert say("report", "results").stderr == "error: results/ledger.sqlite holds no result yet\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "seeds"),
-    [
-        ("3,7", (3, 7)),
-        ("7, 0-2,1", (0, 1, 2, 7)),
-    ],
-)
-def test_seeds(text, seeds):
-    assert parse_seeds(text) == seeds
-
-
-@pytest.mark.parametrize("text", ["", "0", "3-1", "1,,2", "0-99999", "123456"])
-def test_seeds_that_mean_nothing(text):
-    with pytest.raises(UsageError, match="seed"):
-        parse_seeds(text)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_bad_input_exits_2_with_one_line(run):
+    Path("file").write_text("")
+    for words, message in (
         (["--methods", "toy-rwa"], "no method 'toy-rwa'; did you mean 'toy-raw'?"),
         (["--methods", "toy-raw[wieght=2]"], "toy-raw[wieght=2]: no parameter 'wieght'; did you mean 'weight'?"),
+        (["--methods", "./toy-raw"], "methods: './toy-raw': a name consists of a-z, 0-9 and -, as in funnel"),
         (["--tasks", "toy-line[without=hold]"], "toy-line[without=hold]: the task is without hold as it is"),
         (["--seeds", "0"], "seeds: '0': at least one seed"),
         (["--results", "file"], "cannot write results in file: "),
-    ],
-)
-def test_bad_input_exits_2_with_one_line(run, words, message):
-    Path("file").write_text("")
-    assert message in refused(run("toy-raw", *words))
-    assert [path.name for path in Path().iterdir()] == ["file"]  # neither a ledger nor a folder
+    ):
+        assert message in refused(run("toy-raw", *words))
+        assert [path.name for path in Path().iterdir()] == ["file"]  # neither a ledger nor a folder
 
 
 def test_a_reader_that_goes_away_gets_no_traceback_and_the_files_are_written(tmp_path):
@@ -259,9 +228,3 @@ def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy,
     moved.parent.mkdir()
     folder.rename(moved)
     assert say("run", "--tasks", moved, *words).stderr == "2 cells, 2 of them done before\n"
-
-
-def test_only_a_task_may_be_a_folder(say, toy):
-    done = say(*TOY, "--methods", "./toy-raw")
-    assert done.exit_code == 2
-    assert done.stderr == "error: methods: './toy-raw': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp\n"

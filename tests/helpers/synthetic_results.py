@@ -27,7 +27,7 @@ def measurement(
     """What a finished cell measured, from the robustness of its starts."""
     values: dict[str, Any] = {
         "selected_steps": 2000,
-        "curve": (CurvePoint(1000, 1.0, 0.5, -0.1), CurvePoint(2000, 2.0, 1.0, 0.3, 64)),
+        "curve": (CurvePoint(1000, 1.0, 0.5, -0.1, 16), CurvePoint(2000, 2.0, 1.0, 0.3, 64)),
         "training_cpu_seconds": 10.0,
         "training_wall_seconds": 12.0,
         "cpu_seconds": 14.0,

@@ -79,20 +79,6 @@ def test_the_first_page_says_what_the_file_is_and_without_it_nothing_is_read(who
         Ledger(path, create=False)
 
 
-def test_a_digit_that_has_changed_is_seen_by_the_checksum(whole):
-    path, _ = whole
-    with sqlite3.connect(path) as database:
-        database.execute("UPDATE cells SET result = replace(result, '0.3', '0.8') WHERE seed = 7")
-    database.close()
-    seeds, _, said, problems = read(path)
-    assert 7 not in seeds
-    assert len(seeds) == COUNT - 1
-    (line,) = said
-    assert "the row of hold-disc/funnel/dqn/7 is damaged" in line
-    assert "checksum" in line
-    assert problems == []
-
-
 @pytest.mark.parametrize(("column", "value"), [("task", "'NO NAME'"), ("seed", "'x'"), ("agent", "x'00ff'")])
 def test_a_row_without_a_cell_is_named_by_its_key(whole, column, value):
     path, _ = whole

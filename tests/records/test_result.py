@@ -20,16 +20,7 @@ def test_json_has_the_parts_of_the_identity_beside_the_rest_as_it_always_had():
     assert from_json(json.dumps(content)) == result("funnel[b=2,a=1]", 3, robustness=(float("inf"), 0.5)) != result()
 
 
-def test_a_record_whose_curve_does_not_say_its_starts_is_read():
-    content = json.loads(to_json(result()))
-    points = content["measurement"]["curve"]
-    assert [point.pop("starts") for point in points] == [None, 64]
-    read = from_json(json.dumps(content)).measurement
-    assert read is not None
-    assert [point.starts for point in read.curve] == [None, None]
-
-
-def test_how_many_episodes_ended_early_comes_back_and_is_unknown_in_older_records():
+def test_how_many_episodes_ended_early_comes_back_and_may_be_unknown():
     told = replace(Score((0.1,), (True,), {}), ended_early=0.25)
     found = result()
     found = replace(found, measurement=replace(found.measurement, selected={MAIN: told.summarised()}))
@@ -44,12 +35,6 @@ def test_what_a_plan_expects_comes_back_also_where_it_is_no_number(value):
     read = from_json(to_json(result(planned=Planned("formula", value)))).measurement.planned
     assert read.maximised == "formula"
     assert repr(read.value) == repr(value)
-
-
-def test_a_record_of_before_there_were_plans_is_of_a_learned_policy():
-    content = json.loads(to_json(result()))
-    assert content["measurement"].pop("planned") is None
-    assert from_json(json.dumps(content)) == result()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "null", to_json(result()).replace('"seed": 0', '"seed": "x"')])

@@ -161,7 +161,3 @@ def test_an_unknown_name_gets_did_you_mean(site):
     site("acme", methods(zz_funnel="zz_a:One"))
     with pytest.raises(UsageError, match="no method 'zz-funel'; did you mean 'zz-funnel'"):
         plugins.find("methods", "zz-funel")
-
-
-def test_there_are_six_kinds():
-    assert plugins.KINDS == ("methods", "tasks", "agents", "executors", "logs", "suites")

@@ -120,7 +120,7 @@ def test_half_a_file_is_refused(tmp_path: Path) -> None:
 
 def test_why_there_is_no_policy(tmp_path: Path) -> None:
     done = synthetic_results.result()
-    with pytest.raises(UsageError, match="no stored policy: its agent stores none, or an older stlbench trained it"):
+    with pytest.raises(UsageError, match="no stored policy: its agent stores none"):
         read(tmp_path, done, "selected")
     failed = synthetic_results.result(status="timeout", reason="no result after 60 s")
     with pytest.raises(UsageError, match="no policy: timeout: no result after 60 s"):

@@ -8,7 +8,7 @@ import pytest
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.study.study import Study
+from stlbench.study.study import Study, parse_seeds
 
 
 def test_python_values_and_texts_say_the_same():
@@ -22,10 +22,17 @@ def test_python_values_and_texts_say_the_same():
 
 
 @pytest.mark.parametrize(
-    ("seeds", "read"), [(2, (0, 1)), ("2", (0, 1)), ([2], (2,)), ("3,7", (3, 7)), ([7, 3, 7], (3, 7)), (None, None)]
+    ("seeds", "read"),
+    [(2, (0, 1)), ("2", (0, 1)), ([2], (2,)), ("7, 0-2,1", (0, 1, 2, 7)), ([7, 3], (3, 7)), (None, None)],
 )
 def test_a_lone_number_is_a_count_and_a_list_is_what_it_says(seeds, read):
     assert Study.of({"tasks": "a", "methods": "b", "seeds": seeds}).seeds == read
+
+
+@pytest.mark.parametrize("text", ["", "0", "3-1", "1,,2", "0-99999", "123456"])
+def test_seeds_that_mean_nothing(text):
+    with pytest.raises(UsageError, match="seed"):
+        parse_seeds(text)
 
 
 def test_what_is_left_out():

@@ -18,8 +18,7 @@ from helpers import line_task
 from helpers.line_task import SYSTEM
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, Training, Unsuitable
-from stlbench.errors import UsageError
+from stlbench.contract import Array, Integers, Policy, Training
 from stlbench.records.identity import CellId
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Measurement, Planned, Result
@@ -59,16 +58,13 @@ class TestResult:
         assert (result.id, result.key, result.status) == (cell.id, cell.key, "done")
         assert (result.reason, result.details) == ("", "")
 
-    def test_the_budget_was_spent_and_no_more(self, measured: Measurement) -> None:
+    def test_the_budget_was_spent_and_the_best_checkpoint_is_selected(self, measured: Measurement) -> None:
         assert measured.env_steps == 16000
         assert [point.steps for point in measured.curve] == [8000, 16000]
-        assert measured.selected_steps in (8000, 16000)
-
-    def test_the_selected_checkpoint_is_the_best_of_the_curve(self, measured: Measurement) -> None:
         best = max(measured.curve, key=lambda point: (point.satisfaction, point.robustness_mean))
         assert measured.selected_steps == best.steps
-        if best.steps == 16000:
-            assert measured.selected == measured.final
+        assert (measured.selected == measured.final) or best.steps != 16000
+        assert measured.planned is None
 
     def test_every_protocol_is_scored_from_its_starts(self, measured: Measurement) -> None:
         counts = {name: len(score.robustness) for name, score in measured.selected.items()}
@@ -78,11 +74,10 @@ class TestResult:
             assert len(score.satisfied) == len(score.robustness)
             assert sum(score.first_failed.values()) == score.satisfied.count(False)
 
-    def test_flag_adds_one_input_and_its_cost_is_measured(self, measured: Measurement) -> None:
+    def test_costs(self, measured: Measurement) -> None:
+        """flag adds one input; training is a part of the whole."""
         assert measured.inputs_added == 1
         assert 0 < measured.reward_nanoseconds < 1e6
-
-    def test_training_is_part_of_the_whole(self, measured: Measurement) -> None:
         assert 0 < measured.training_cpu_seconds <= measured.cpu_seconds
         assert 0 < measured.training_wall_seconds <= measured.wall_seconds
         assert measured.curve[0].cpu_seconds <= measured.curve[1].cpu_seconds <= measured.training_cpu_seconds
@@ -356,9 +351,6 @@ class TestPlanned:
         assert found.planned.maximised == "formula"
         assert np.isnan(found.planned.value)
 
-    def test_what_was_learned_is_not_planned(self, measured: Measurement) -> None:
-        assert measured.planned is None
-
 
 def test_the_time_of_a_reward_is_measured_without_simulating_as_many_copies() -> None:
     task = load_task("hold-disc")
@@ -409,17 +401,6 @@ class TestFindings:
         assert (found.status, found.measurement) == ("unsuitable", None)
         # rho = 1 - |.| over the square of side 4: rho_max = 1, gamma_0 = sqrt(8)
         assert found.reason.startswith("funnel: ginf = 50 must be less than min(gamma_0, rho_max) = 1 of G[0,200]")
-
-    def test_a_wrong_parameter_is_the_users_error(self) -> None:
-        task = load_task("hold-disc")
-        with pytest.raises(UsageError, match=r"funnel\[ginf=x\]: ginf should be a number, got 'x'"):
-            build_method(task, "funnel[ginf=x]")
-        with pytest.raises(UsageError, match=r"no parameter 'gama'; did you mean 'gamma'\?"):
-            build_agent(task, "dqn[gama=0.9]")
-
-    def test_unsuitable_is_raised_to_who_builds_the_method(self) -> None:
-        with pytest.raises(Unsuitable):
-            build_method(load_task("hold-disc"), "funnel[ginf=50]")
 
 
 def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:

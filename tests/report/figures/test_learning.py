@@ -17,7 +17,7 @@ from stlbench.report.statistics.intervals import mean_interval
 
 
 def curve(*points):
-    return tuple(CurvePoint(steps, 0.0, satisfaction, robustness) for steps, satisfaction, robustness in points)
+    return tuple(CurvePoint(steps, 0.0, satisfaction, robustness, 64) for steps, satisfaction, robustness in points)
 
 
 GROUPS = condense(

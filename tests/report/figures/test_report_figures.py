@@ -23,7 +23,7 @@ def draw_figures(groups: Sequence[Group], folder: Path) -> list[Path]:
     return write_figures(Report(groups, {}), folder, load_task, "page")
 
 
-CURVE = (CurvePoint(100, 0.0, 1.0, 0.1),)
+CURVE = (CurvePoint(100, 0.0, 1.0, 0.1, 64),)
 CELLS = [*(result(method, seed) for method in ("funnel", "flag") for seed in (0, 1)), result(task="other")]
 
 

@@ -15,7 +15,7 @@ from stlbench.report.figures.style import colours_of
 
 
 def curve(*points):
-    return tuple(CurvePoint(steps, 0.0, satisfaction, robustness) for steps, satisfaction, robustness in points)
+    return tuple(CurvePoint(steps, 0.0, satisfaction, robustness, 64) for steps, satisfaction, robustness in points)
 
 
 GROUPS = condense(
