@@ -99,7 +99,6 @@ class Chosen:
         return actors
 
     def _stored(self) -> list[Actor]:
-        """The policies of the named cells, or of all cells with one."""
         results = Results.load(self.results)
         if self.policies:
             return [of_cell(results.folder, results.cell(name, self.budget), self.which) for name in self.policies]

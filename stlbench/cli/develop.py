@@ -221,7 +221,6 @@ def _plugin_of(name: str, kind: Kind | None) -> Plugin:
 
 
 def _nearest(name: str) -> str:
-    """The kind that has the most similar name, for the message."""
     kinds = {each: kind for kind in plugins.KINDS for each in plugins.available(kind)}
     close = get_close_matches(name, kinds, n=1, cutoff=0.5)
     if not close:

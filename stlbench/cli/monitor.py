@@ -132,7 +132,6 @@ def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> 
 def _judge(
     source: Source, formula: stl.Formula, trace: SavedTraces, start: int | None, policy: ShortTraces
 ) -> dict[str, Any]:
-    """Judge one trace, whose samples are (rows, signals), up to its last recorded row."""
     end = int(last_steps(trace.samples[None])[0])
     samples, of = trace.samples[: end + 1], "" if start is None else f" of start {start}"
     try:

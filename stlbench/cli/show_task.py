@@ -122,7 +122,6 @@ def _mean(score: Score) -> dict[str, float]:
 
 
 def _baselines(constants: Constants, random: Score) -> dict[str, Any]:
-    """The scores of constant and of random actions from the report's starts."""
     return {
         "trivial": constants.trivial,
         "zero": _mean(constants.zero),

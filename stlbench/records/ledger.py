@@ -12,7 +12,7 @@ from stlbench.errors import unwritable
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.reader import Records
 from stlbench.records.result import Result
-from stlbench.records.schema import Row, open_to_write, texts, values
+from stlbench.records.schema import Row, opened, texts, values
 from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"  # its name in a folder of results
@@ -138,8 +138,8 @@ class Ledger(Records):
 
     def counted(self, *, accidents: bool = True) -> dict[CellId, str]:
         """For each cell with a result, the key of the one that counts; `accidents` may leave out accidents."""
-        present = self._present(self.listed())
-        return {row.cell: row.key for row in present if accidents or row.status not in ACCIDENTS}
+        present = self.present().items()
+        return {cell: row.key for cell, row in present if accidents or row.status not in ACCIDENTS}
 
     def _present(self, rows: Iterable[Row]) -> Collection[Row]:
         """For each cell the row that was planned last, else the newest."""
@@ -150,7 +150,7 @@ class Ledger(Records):
     def _writing(self) -> Iterator[sqlite3.Connection]:
         if not self._is_writing:
             self.close()
-            self._database = open_to_write(self.path)
+            self._database = opened(self.path, to_write=True)
             self._is_writing, self._own = True, self._seen()
         assert self._database is not None
         try:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.result import Result, plain
-from stlbench.records.schema import LISTED, Row, cell_of, is_sqlite, open_to_read, result_of, texts
+from stlbench.records.schema import LISTED, Row, cell_of, is_sqlite, opened, result_of, texts
 
 _IDENTITY = ", ".join(IDENTITY)
 _BYTES = 200  # the least that a row takes, in any table
@@ -48,7 +48,7 @@ class Records:
         if (path.exists() and not path.is_file()) or (path.is_file() and path.stat().st_size and not is_sqlite(path)):
             raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
         if path.exists():
-            self._database = open_to_read(path)
+            self._database = opened(path)
         elif not create:
             raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
 
@@ -150,7 +150,6 @@ class Records:
         return result_of(text, checksum), checksums
 
     def columns(self, row: Row) -> dict[str, Any]:
-        """All columns of a row; empty if they cannot be read."""
         assert self._database is not None
         try:
             salvaged = self._database.execute("SELECT * FROM cells WHERE rowid = ?", (row.number,))

@@ -44,23 +44,17 @@ row the cell has failed, and `again` says whether the next run measures it, thou
 missing cells are found without the pages of the results: for 100,000 cells 10 MB in place of a GB."""
 
 
-def open_to_read(path: Path) -> sqlite3.Connection:
-    """The file, also in a folder that cannot be written. Raises `UsageError` if it is no ledger of this version."""
-    return _opened(path, to_write=False)
-
-
-def open_to_write(path: Path) -> sqlite3.Connection:
-    """The file, which is made if it is missing, with its folder. Raises `UsageError` as `open_to_read`."""
-    return _opened(path, to_write=True)
-
-
 def is_sqlite(path: Path) -> bool:
     """Whether a file begins as SQLite's do. SQLite takes a file of a byte or two for empty, and would overwrite it."""
     with path.open("rb") as file:
         return file.read(16) == b"SQLite format 3\0"
 
 
-def _opened(path: Path, *, to_write: bool) -> sqlite3.Connection:
+def opened(path: Path, *, to_write: bool = False) -> sqlite3.Connection:
+    """The file. To read it, its folder need not be writable; to write it, it is made if it is missing, with its folder.
+
+    Raises `UsageError` if it is no ledger of this version.
+    """
     try:
         with ExitStack() as undone:
             if to_write:

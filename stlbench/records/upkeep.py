@@ -139,7 +139,6 @@ def _plan(source: Path, ledger: Ledger) -> int:
 
 
 def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
-    """Copy the files that exist; yields the damaged ones, which are not copied."""
     here, there = cell_files(source, result.id, result.key), cell_files(into, result.id, result.key)
     for kind, recorded in here._asdict().items():
         if (result.key, kind) in damaged:

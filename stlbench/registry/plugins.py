@@ -85,7 +85,6 @@ class Plugin:
 
     @property
     def is_own(self) -> bool:
-        """Whether it comes with stlbench."""
         return self.distribution == OWN
 
     def _error(self, problem: str) -> PluginError:
@@ -161,7 +160,6 @@ def damaged() -> Iterator[str]:
 
 
 def _place(distribution: Distribution) -> str:
-    """The distribution's own folder, or else the one on the path."""
     return os.path.abspath(getattr(distribution, "_path", None) or str(distribution.locate_file("")))
 
 

@@ -26,7 +26,6 @@ class SuitePlugin(plugins.Plugin):
 
     @property
     def file(self) -> str:
-        """The text of its `task.yaml`."""
         return made(self.suite).task(self.member).file
 
     def _imported(self) -> object:
@@ -34,7 +33,6 @@ class SuitePlugin(plugins.Plugin):
 
 
 def made(plugin: plugins.Plugin) -> Suite:
-    """The suite of a plugin."""
     return _made(plugin.load())
 
 

@@ -98,7 +98,6 @@ def _causes(old: Result, cell: Cell, today: Mapping[str, str]) -> list[str]:
 
 
 def _packages(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """What changed among the packages whose versions the provenance has."""
     other = ("time", "jobs", "machine")
     moved = [name for name in now if name not in other and then.get(name, now[name]) != now[name]]
     return [f"{name} {then[name]} to {now[name]}" for name in moved] or ["packages that the plugins import"]

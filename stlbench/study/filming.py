@@ -66,7 +66,6 @@ def _recorded(run: Path, result: Result) -> Replay:
 
 
 def _pictures(shown: Replay, title: str, out: Path, name: str) -> Iterator[Path]:
-    """Write trajectories and, if the formula has terms, robustness against time."""
     bands = shown.method.band() if isinstance(shown.method, Banded) else ()
     yield from save(trajectories(shown.task, shown.recording, title), out, f"trajectories-{name}")
     if figure := robustness_in_time(shown.task, shown.recording, bands, title):

@@ -160,7 +160,6 @@ class Logged:
             thread.tell(partial(call, thread.log), time.monotonic())
 
     def _faults(self) -> None:
-        """Say once of each log that was turned off."""
         for thread in self._threads:
             if thread.fault and thread.name not in self._said:
                 self._said.add(thread.name)

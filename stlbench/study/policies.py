@@ -139,7 +139,6 @@ def reenact(folder: Path, result: Result, which: Which, start: Start, film: Film
 
 
 def _begun(task: Task, start: Start) -> Array:
-    """The starts (N, s)."""
     if start.point is not None:
         return _at(task, start.point)
     reported = task.starts.report_and_selection()[0]
@@ -151,7 +150,6 @@ def _begun(task: Task, start: Start) -> Array:
 
 
 def _at(task: Task, point: tuple[float, ...]) -> Array:
-    """One start, (1, s)."""
     starts = task.starts
     if not isinstance(starts, StateStarts):
         if len(point) != 1 or point[0] < 0 or point[0] != int(point[0]):

@@ -58,7 +58,6 @@ def code_of(provenance: Mapping[str, str]) -> dict[str, str]:
 
 
 def _processor() -> str:
-    """The processor's name, which Linux says in a file and `platform` does not."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -15,7 +15,6 @@ from stlbench.rollout.model import model_of
 from stlbench.rollout.rehearsal import rehearse
 from stlbench.study.cell import Cell, derive_seed
 from stlbench.task import Task
-from stlbench.task.file import Budget
 
 
 @dataclass
@@ -75,7 +74,13 @@ def train(
         clock.resume()
         return enough
 
-    training = _task_of_agent(task, method, cell, budget, report, meter, used.append)
+    def make(count: int) -> CountedEnvironment:
+        used.append(CountedEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter))
+        return used[-1]
+
+    plugin, seed = task.choice.name, cell.id.seed
+    random = derive_seed(plugin, cell.id.agent.name, "training", seed)
+    training = Training(make, budget.steps, random, report, budget.checkpoints)
     if agent.plans is not None:
         training = replace(training, model=model_of(task, method))
     else:
@@ -89,25 +94,6 @@ def train(
     taken = meter.taken
     size = max((environment.observation_size for environment in used), default=0)
     return Trained(final, reported or [Checkpoint(final, taken, clock.cpu)], taken, clock, size)
-
-
-def _task_of_agent(
-    task: Task,
-    method: RewardMethod,
-    cell: Cell,
-    budget: Budget,
-    report: Callable[[Policy | StatePolicy, int], bool],
-    meter: StepCounter,
-    made: Callable[[CountedEnvironment], None],
-) -> Training:
-    plugin, agent, seed = task.choice.name, cell.id.agent.name, cell.id.seed
-
-    def make(count: int) -> CountedEnvironment:
-        environment = CountedEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter)
-        made(environment)
-        return environment
-
-    return Training(make, budget.steps, derive_seed(plugin, agent, "training", seed), report, budget.checkpoints)
 
 
 @dataclass

@@ -23,61 +23,60 @@ def trace(say):
     return "trace.csv"
 
 
+def judged(say, *words, **more):
+    """The robustness by each formula or from each start."""
+    done = say("monitor", "--json", *words, **more)
+    return [verdict["robustness"] for verdict in json.loads(done.stdout)]
+
+
 def test_robustness_and_verdict(say, trace):
     done = say("monitor", "F[0,2] y >= 2.5", trace)
     assert done.exit_code == 0
     assert done.stdout.split() == ["satisfied", "robustness", "0.5", "F[0,2]", "y", ">=", "2.5"]
-
-
-def test_json_is_a_list_and_alone_on_stdout(say, trace):
     done = say("monitor", "--json", "G[0,2] y >= 0", trace)
     assert json.loads(done.stdout) == [{"formula": "G[0,2] y >= 0", "robustness": -1.0, "satisfied": False}]
     assert done.stderr == ""
 
 
-def test_many_formulas(say, trace):
+def test_many_formulas_and_intervals_in_seconds(say, trace):
     Path("all.txt").write_text("# requirements\n\nx >= 0\n  F[0,2] y >= 2.5\n")
-    done = say("monitor", "--formulas", "all.txt", trace, "--json")
-    assert [verdict["formula"] for verdict in json.loads(done.stdout)] == ["x >= 0", "F[0,2] y >= 2.5"]
-    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == [0.0, 0.5]
+    assert judged(say, "--formulas", "all.txt", trace) == [0.0, 0.5]
+    assert judged(say, "F[0,0.1] y >= 2.5", trace, "--dt", "0.1") == [0.5]
 
 
-def test_intervals_in_seconds(say, trace):
-    done = say("monitor", "F[0,0.1] y >= 2.5", trace, "--dt", "0.1", "--json")
-    assert json.loads(done.stdout)[0]["robustness"] == 0.5
+def test_other_ways_to_write_the_same_trace(say):
+    for text in (
+        "\ufeffx,y\r\n0,1\r\n1,3\r\n2,-1\r\n",
+        " x , y\n0, 1\n1,3\n2,-1e0\n\n\n",
+        '"x","y"\n"0",1\n1,3\n2,-1',
+    ):
+        Path("trace.csv").write_text(text, encoding="utf-8", newline="")
+        assert judged(say, "G[0,2] y >= 0", "trace.csv") == [-1.0]
+    for delimiter, name in ((";", "semicolons"), ("\t", "tabs")):
+        Path("trace.csv").write_text(TRACE.replace(",", delimiter))
+        assert judged(say, "G[0,2] y >= 0", "trace.csv") == [-1.0]
+        told = say("monitor", "G[0,2] y >= 0", "trace.csv").stderr
+        assert told == f"warning: trace.csv is separated by {name}, and read so\n"
 
 
 @pytest.mark.parametrize(
-    "text", ["\ufeffx,y\r\n0,1\r\n1,3\r\n2,-1\r\n", " x , y\n0, 1\n1,3\n2,-1e0\n\n\n", '"x","y"\n"0",1\n1,3\n2,-1']
-)
-def test_other_ways_to_write_the_same_trace(say, text):
-    Path("trace.csv").write_text(text, encoding="utf-8", newline="")
-    assert json.loads(say("monitor", "--json", "G[0,2] y >= 0", "trace.csv").stdout)[0]["robustness"] == -1.0
-
-
-@pytest.mark.parametrize(
-    ("text", "rule"),
+    ("content", "rule"),
     [
-        ("", "the file is empty; its first row must name the signals"),
-        ("y;x\n1;2,5\n", "row 2, column 2 (x): '2,5' is no finite number; write decimals with a point"),
-        ("x,x\n1,2\n", "the header names 'x' twice"),
+        (b"", "bad.csv: the file is empty; its first row must name the signals\n"),
+        (b"y;x\n1;2,5\n", "bad.csv: row 2, column 2 (x): '2,5' is no finite number; write decimals with a point\n"),
+        (b"x,x\n1,2\n", "bad.csv: the header names 'x' twice\n"),
+        (b"x,y\n\xff,1\n", "cannot read bad.csv: "),
+        (b'x,y\n1,"2\n', "cannot read bad.csv: "),
+        (None, "cannot read bad.csv: "),
     ],
 )
-def test_a_bad_trace_is_one_line(say, text, rule):
-    Path("bad.csv").write_text(text)
-    done = say("monitor", "x > 0", "bad.csv")
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert done.stderr.splitlines()[-1] == f"error: bad.csv: {rule}"
-
-
-@pytest.mark.parametrize("content", [b"x,y\n\xff,1\n", b'x,y\n1,"2\n', None])
-def test_an_unreadable_trace_is_one_line(say, content):
+def test_a_bad_trace_is_one_line(say, content, rule):
     if content is not None:
         Path("bad.csv").write_bytes(content)
     done = say("monitor", "x > 0", "bad.csv")
-    assert done.exit_code == 2
-    assert done.stderr.startswith("error: cannot read bad.csv: ")
-    assert done.stderr.count("\n") == 1
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.splitlines(keepends=True)[-1].startswith(f"error: {rule}")
+    assert done.stderr.count("error") == 1
 
 
 def test_a_syntax_error_shows_its_place(say, trace):
@@ -88,36 +87,24 @@ def test_a_syntax_error_shows_its_place(say, trace):
     assert source.index("G") + 10 == caret.index("^")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
+def test_bad_input_exits_2_with_a_clear_line(say, trace):
+    Path("wrong.txt").write_text("x > 0\n\nx @ 1\n")
+    for words, message in (
         (["z > 0", "trace.csv"], "formula uses signal 'z'"),
         (["G[0,5] x > 0", "trace.csv"], "formula: needs 6 rows, the trace has 3; --policy clip evaluates short traces"),
         (["1/x > 0", "trace.csv", "--dt", "0"], "must be positive, got 0"),
         (["--formulas", "all.txt", "x > 0", "trace.csv"], "with --formulas, name one trace and no formula"),
         (["--formulas", "wrong.txt", "trace.csv"], "wrong.txt, line 3: line 1, column 3"),
-    ],
-)
-def test_bad_input_exits_2_with_a_clear_line(say, trace, words, message):
-    Path("wrong.txt").write_text("x > 0\n\nx @ 1\n")
-    done = say("monitor", *words)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: ")
-    assert message in done.stderr.splitlines()[0]
-
-
-@pytest.mark.parametrize(("delimiter", "name"), [(";", "semicolons"), ("\t", "tabs")])
-def test_other_delimiters_are_read_and_named(say, delimiter, name):
-    Path("trace.csv").write_text(TRACE.replace(",", delimiter))
-    done = say("monitor", "--json", "G[0,2] y >= 0", "trace.csv")
-    assert json.loads(done.stdout)[0]["robustness"] == -1.0
-    assert done.stderr == f"warning: trace.csv is separated by {name}, and read so\n"
+    ):
+        done = say("monitor", *words)
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert done.stderr.startswith("error: ")
+        assert message in done.stderr.splitlines()[0]
 
 
 def test_columns_that_no_formula_uses_may_hold_anything(say):
     Path("trace.csv").write_text("x,remark,y\n1,start,1\n,,3\n2,end,-1\n")
-    done = say("monitor", "--json", "G[0,2] y >= 0", "trace.csv")
-    assert (done.exit_code, json.loads(done.stdout)[0]["robustness"]) == (0, -1.0)
+    assert judged(say, "G[0,2] y >= 0", "trace.csv") == [-1.0]
     done = say("monitor", "G[0,2] x >= 0", "trace.csv")
     assert (done.exit_code, done.stderr) == (2, "error: trace.csv: row 3, column 1 (x): '' is no finite number\n")
 
@@ -139,8 +126,7 @@ def test_times_that_are_no_numbers_are_not_checked_and_said_so(say):
 
 
 def test_standard_input(say):
-    done = say("monitor", "--json", "G[0,2] y >= 0", "-", stdin=TRACE)
-    assert json.loads(done.stdout)[0]["robustness"] == -1.0
+    assert judged(say, "G[0,2] y >= 0", "-", stdin=TRACE) == [-1.0]
     done = say("monitor", "z >= 0", "-", stdin="")
     assert done.stderr == "error: standard input: the file is empty; its first row must name the signals\n"
 
@@ -184,8 +170,7 @@ def test_the_traces_that_the_referee_saves_are_read(say):
     task, path = line(), Path("cell.npz")
     assessment = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: np.zeros(len(seen), dtype=int)))
     save(path, assessment, task.signals)
-    done = say("monitor", "--json", str(task.formula), path)
-    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == list(assessment.scores[MAIN].robustness)
+    assert judged(say, task.formula, path) == list(assessment.scores[MAIN].robustness)
 
 
 def test_a_trace_that_ended_early_is_judged_as_far_as_it_was_recorded(say):

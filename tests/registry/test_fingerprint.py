@@ -75,13 +75,6 @@ def test_a_single_module_and_none_at_all(site):
     assert len(fingerprint("zz_nowhere")) == 32
 
 
-def test_source_that_does_not_parse_still_has_a_digest(site):
-    root = site("acme", "", {"zz_single.py": "def\n"})
-    before = fingerprint("zz_single")
-    (root / "zz_single.py").write_text("class\n")
-    assert fingerprint("zz_single") != before
-
-
 def test_an_import_for_type_checkers_alone_is_not_followed(site):
     text = "import typing\nif typing.TYPE_CHECKING:\n    import zz_pack.late\nelse:\n    import zz_pack.other\n"
     site("acme", "", FILES | {"zz_pack/one.py": text})
@@ -100,7 +93,19 @@ def test_modules_of_other_packages_count_that_no_distribution_has_installed(site
     assert fingerprint("zz_pack.one") != before
 
 
-def test_installed_distributions_count_by_their_version_and_pythons_own_modules_do_not(site):
+@pytest.fixture
+def packages(site, monkeypatch):
+    """Write files, of which those in `site-packages` are installed."""
+
+    def install(files):
+        monkeypatch.syspath_prepend(site("acme", "", files) / "site-packages")
+        fingerprints._all_distributions.cache_clear()
+
+    yield install
+    fingerprints._all_distributions.cache_clear()
+
+
+def test_installed_distributions_count_by_their_version_and_pythons_own_modules_do_not(packages):
     installed = {
         "site-packages/zz_lib/__init__.py": "a = 1\n",
         "site-packages/Zz_Lib-3.4.dist-info/METADATA": "Metadata-Version: 2.1\nName: Zz_Lib\nVersion: 3.4\n",
@@ -110,20 +115,14 @@ def test_installed_distributions_count_by_their_version_and_pythons_own_modules_
         "site-packages/zz_loose.py": "b = 1\n",
     }
     one = "import os, json.decoder, zz_lib.deep, other_name, zz_loose, zz_gone, stlbench\n"
-    root = site("acme", "", FILES | {"zz_pack/one.py": one} | installed)
-    sys.path.insert(0, str(root / "site-packages"))
-    fingerprints._all_distributions.cache_clear()
-    try:
-        code = code_of("zz_pack.one")
-        assert code.packages == (("Zz_Lib", "3.4"), ("zz-other", "5"))
-        assert [name for name, _ in code.files] == ["zz_loose", "zz_pack", "zz_pack.one"]
-        assert code_of("zz_pack.one", packages=False).packages == ()
-    finally:
-        sys.path.remove(str(root / "site-packages"))
-        fingerprints._all_distributions.cache_clear()
+    packages(FILES | {"zz_pack/one.py": one} | installed)
+    code = code_of("zz_pack.one")
+    assert code.packages == (("Zz_Lib", "3.4"), ("zz-other", "5"))
+    assert [name for name, _ in code.files] == ["zz_loose", "zz_pack", "zz_pack.one"]
+    assert code_of("zz_pack.one", packages=False).packages == ()
 
 
-def test_own_code_is_what_is_not_installed_or_editable(site):
+def test_own_code_is_what_is_not_installed_or_editable(packages):
     """An editable install has its metadata in site-packages, and its source elsewhere."""
     installed = {
         "site-packages/zz_lib/__init__.py": "import zz_single\n",
@@ -132,17 +131,11 @@ def test_own_code_is_what_is_not_installed_or_editable(site):
         "site-packages/zz_edited-1.dist-info/top_level.txt": "zz_edited\n",
         "zz_edited/__init__.py": "import zz_lib\n",
     }
-    root = site("acme", "", FILES | installed)
-    sys.path.insert(0, str(root / "site-packages"))
-    fingerprints._all_distributions.cache_clear()
-    try:
-        assert own_code(["os", "stlbench.task", "numpy", "zz_lib", "zz_gone"]) == Code()
-        code = own_code(["zz_edited", "zz_single", "zz_lib"])
-        assert [name for name, _ in code.files] == ["zz_edited", "zz_single"]
-        assert code.packages == (("Zz_Lib", "3.4"),)
-    finally:
-        sys.path.remove(str(root / "site-packages"))
-        fingerprints._all_distributions.cache_clear()
+    packages(FILES | installed)
+    assert own_code(["os", "stlbench.task", "numpy", "zz_lib", "zz_gone"]) == Code()
+    code = own_code(["zz_edited", "zz_single", "zz_lib"])
+    assert [name for name, _ in code.files] == ["zz_edited", "zz_single"]
+    assert code.packages == (("Zz_Lib", "3.4"),)
 
 
 DATA = {

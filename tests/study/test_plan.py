@@ -113,18 +113,8 @@ def test_planning_imports_no_method_and_no_agent():
 
 
 @pytest.mark.usefixtures("lab")
-def test_the_number_of_seeds_can_be_given_and_more_seeds_keep_the_keys_of_the_first():
-    assert [cell.id.seed for cell in plan(seeds=range(4))] == [0, 1, 2, 3]
-    assert keys(seeds=range(4))[:2] == keys(seeds=range(2)) == keys()
-
-
-@pytest.mark.usefixtures("lab")
-def test_repetitions_are_planned_once():
-    assert plan(tasks="zz-line,zz-line", methods="zz-pay,zz-pay") == plan()
-
-
-@pytest.mark.usefixtures("lab")
 def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
+    """More seeds keep the keys of the first, and repetitions are planned once."""
     apart = [
         {},
         {"methods": "zz-pay[beta=2]"},
@@ -134,11 +124,10 @@ def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
     ]
     assert len({keys(seeds=[0], **words)[0] for words in apart}) == len(apart)
     assert keys(agents="zz-agent[rate=0.2]") == keys(agents=" zz-agent[ rate=0.2 ]")
-
-
-@pytest.mark.usefixtures("lab")
-def test_a_task_for_which_no_agent_is_named_is_trained_with_the_first_that_it_has_a_recipe_for():
-    assert plan_cells(parse_choices("zz-line"), parse_choices("zz-pay"), None, None, "smoke") == plan()
+    assert keys(seeds=range(4))[:2] == keys(seeds=range(2)) == keys()
+    assert plan(tasks="zz-line,zz-line", methods="zz-pay,zz-pay") == plan()
+    named = plan_cells(parse_choices("zz-line"), parse_choices("zz-pay"), None, None, "smoke")
+    assert named == plan()  # the first agent that the task has a recipe for
 
 
 def test_an_ablation_is_a_task_of_its_own(lab):

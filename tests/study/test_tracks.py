@@ -75,30 +75,27 @@ def test_what_a_recipe_says_is_in_the_key_of_its_own_cells_alone(recipes) -> Non
     assert before[FLAG] != after[FLAG]
 
 
-def test_a_method_without_a_recipe_is_refused(recipes) -> None:
-    with pytest.raises(UsageError, match=r"recipes\.yaml has no recipe for funnel on robot-nav with dqn"):
-        cells("tuned", recipes(), [Choice("funnel")])
+@pytest.mark.parametrize(
+    ("text", "methods", "message"),
+    [
+        (FILE, (Choice("funnel"),), r"recipes\.yaml has no recipe for funnel on robot-nav with dqn"),
+        (FILE.replace("gamma: 0.98", "gama: 0.98"), (RAW, FLAG), "no parameter 'gama'; did you mean 'gamma'"),
+        (
+            FILE.replace("hold: 20", "hold: 21"),
+            (RAW,),
+            "recipe for robot-nav: steps 2000 is no multiple of hold = 21",
+        ),
+    ],
+)
+def test_a_recipe_that_does_not_fit_is_refused_before_anything_runs(recipes, text, methods, message) -> None:
+    with pytest.raises(UsageError, match=message):
+        check_cells(cells("tuned", recipes(text), methods))
 
 
-def test_a_recipe_with_a_wrong_parameter_is_refused_before_anything_runs(recipes) -> None:
-    with pytest.raises(UsageError, match="no parameter 'gama'; did you mean 'gamma'"):
-        check_cells(cells("tuned", recipes(FILE.replace("gamma: 0.98", "gama: 0.98"))))
-
-
-def test_a_hold_that_does_not_fit_is_refused(recipes) -> None:
-    with pytest.raises(UsageError, match="the recipe for robot-nav: steps 2000 is no multiple of hold = 21"):
-        cells("tuned", recipes(FILE.replace("hold: 20", "hold: 21")))
-
-
-@pytest.mark.parametrize("track", ["shared", "plain"])
-def test_only_tuned_has_recipes(recipes, track) -> None:
+@pytest.mark.parametrize("track", ["shared", "plain", "tuned"])
+def test_tuned_alone_needs_recipes_and_has_them(recipes, track) -> None:
     with pytest.raises(UsageError, match="track tuned, and no other, needs a file of recipes"):
-        cells(track, recipes())
-
-
-def test_tuned_needs_recipes() -> None:
-    with pytest.raises(UsageError, match="track tuned, and no other, needs a file of recipes"):
-        cells("tuned")
+        cells(track, None if track == "tuned" else recipes())
 
 
 @pytest.mark.parametrize(
