@@ -23,11 +23,11 @@ def solve(
         typer.Option(
             "--signal",
             metavar="NAME=EXPRESSION",
-            help="Over entries of the observation, obs[0] the first. May be given several times.",
+            help="Over entries of the observation, obs[0] the first, or of the info. May be given several times.",
             show_default="each entry by its own name",
         ),
     ] = None,
-    minutes: Annotated[float, typer.Option(metavar="M", help="About how long it may take.")] = 10.0,
+    minutes: Annotated[float, typer.Option(metavar="M", help="How long it may take.")] = 10.0,
     into: Annotated[
         Path | None,
         typer.Option(
@@ -53,8 +53,9 @@ def solve(
     """Train a policy that satisfies a formula, and certify it.
 
     Reward methods that fit race on the track auto; the winner is trained again with fresh seeds. DIR has the policy,
-    the task file, the certificate, a page and a film; solution.md says what came of it. The same command goes on after
-    ctrl-C. The exit code is 0 whatever was learned, 2 for bad input or too little time, 130 after ctrl-C.
+    the task file, the certificate, a page and a film; solution.md says what came of it. After ctrl-C the best policy so
+    far is in DIR with a certificate from few starts, and the same command goes on. The exit code is 0 whatever was
+    learned, 2 for bad input or too little time, 130 after ctrl-C.
 
     \b
     Examples:
@@ -80,7 +81,9 @@ def solve(
             progress=True,
         )
     except KeyboardInterrupt:
-        typer.echo("interrupted: what is done is kept; say the same command again to go on", err=True)
+        typer.echo(
+            "interrupted: what is done is kept, solution.md has the best so far; say the same again to go on", err=True
+        )
         raise typer.Exit(130) from None
     typer.echo(solution.report())
 

@@ -106,7 +106,7 @@ class Training:
     report: Callable[[Policy | StatePolicy, int], bool | None]
     """Call it as report(policy, steps so far) at about `checkpoints` evenly spaced times and at the end. The referee
     scores the policy on starts for selection. That time does not count as training. After True, the agent may stop: the
-    policy satisfies, and did not get better for some time."""
+    policy satisfies and did not get better for some time, or the budget's seconds are over."""
     checkpoints: int = 20
     model: Model | None = None
     """For an agent that plans; None for one that learns."""

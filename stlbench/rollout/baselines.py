@@ -49,16 +49,16 @@ def zero(task: Task) -> Array:
     return action
 
 
-def constants(task: Task) -> Constants:
+def constants(task: Task, starts: int = _STARTS) -> Constants:
     """What the action zero and the best constant action get: as the task file states, else measured.
 
-    The best wins a race, first by satisfaction, from 16 of the starts for selection. All actions of a grid of at most
-    512 race. Else zero, the corners, the middle and random ones do, 32 in all, and then three times 16 around the best
-    so far. On a world, which is dearer, these are 16 and three times 8.
+    The best wins a race, first by satisfaction, from at most `starts` of the starts for selection. All actions of a
+    grid of at most 512 race. Else zero, the corners, the middle and random ones do, 32 in all, and then three times 16
+    around the best so far. On a world, which is dearer, these are 16 and three times 8.
     """
     if (stated := task.file.baselines) is not None:
         return Constants(_stated(task, stated.zero), _stated(task, stated.constant), stated.constant.action)
-    best = _best(task, Referee(task, Unpaid(task.specification)))
+    best = _best(task, Referee(task, Unpaid(task.specification)), starts)
     return Constants(score(task, zero(task)), score(task, best), tuple(best.tolist()))
 
 
@@ -107,11 +107,11 @@ class AtRandom(Policy):
         return self._generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
 
-def _best(task: Task, referee: Referee) -> Array:
+def _best(task: Task, referee: Referee, starts: int) -> Array:
     actions, generator = task.actions, np.random.default_rng(0)
 
     def winner(tried: Array) -> Array:
-        best: Array = tried[referee.choose([_Constant(task, action) for action in tried], _STARTS).best]
+        best: Array = tried[referee.choose([_Constant(task, action) for action in tried], starts).best]
         return best
 
     if isinstance(actions, ActionGrid) and actions.size <= _ALL:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,8 +27,9 @@ from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.search.space import space_of
 from stlbench.share.onnx import export
-from stlbench.solver.problem import TASK, Posed, Problem
-from stlbench.solver.solution import CELLS, FILE, code_of
+from stlbench.solver.problem import TASK, WITNESS, Posed, Problem
+from stlbench.solver.race import Clock, rank
+from stlbench.solver.solution import FILE, FINAL, cells_of, code_of
 from stlbench.study.filming import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
@@ -35,71 +37,88 @@ from stlbench.task.task import Task
 
 _SHARE = 0.05
 """Of the time, for the episodes of the certificate, and as many for those of the search for a counterexample."""
-_MOST, _FEWEST = 1000, 100  # starts of the certificate
+_MOST, _FEWEST, _TIMED = 1000, 100, 16  # starts of the certificate, and those by which an episode is timed
 
 
 @dataclass(frozen=True)
 class Delivery:
-    """What is delivered of a final training."""
+    """What is delivered of trainings."""
 
     posed: Posed
     problem: Problem
-    minutes: float
+    clock: Clock
     confidence: float
-    finals: Sequence[Result]
-    """Of the final training, the best first."""
+    trained: Sequence[Result]
+    """The best first."""
+    interrupted: bool = False
+    """Whether the user stopped it: the certificate then has few starts, and there is no search, page or film."""
 
     @property
     def best(self) -> Result:
         """Chosen by the starts for selection."""
-        return self.finals[0]
+        return self.trained[0]
 
     @property
     def folder(self) -> Path:
         """Of everything."""
         return self.posed.folder
 
+    @property
+    def cells(self) -> Path:
+        """The folder of results that has the best."""
+        return self.folder / cells_of(self.best.id.budget)
+
     def write(self) -> dict[str, Any]:
         """Write all files; the facts of the certificate."""
-        actor, remarks = of_cell(self.folder / CELLS, self.best), list[str]()
-        facts = {"cell": self.best.id.name, "key": self.best.key} | self._certified(actor)
-        counterexample = self._attacked(actor)
-        for part in (self._policy, self._page, self._film):
+        actor, remarks = of_cell(self.cells, self.best), list[str]()
+        starts = _FEWEST if self.interrupted else self._starts(actor)
+        facts = {"cell": self.best.id.name, "budget": self.best.id.budget, "key": self.best.key}
+        facts |= {"interrupted": self.interrupted} | self._certified(actor, starts)
+        counterexample = None if self.interrupted else self._attacked(actor, starts)
+        for what, part in (("policy", self._policy), ("page", self._page), ("film", self._film)):
+            if what != "policy" and (self.interrupted or not self.clock.left):
+                later = f"report {self.cells} --html" if what == "page" else f"render {self.cells} {self.best.id.name}"
+                remarks.append(f"no time was left for the {what}; `stlbench {later}` makes it")
+                continue
             try:
                 part()
             except UsageError as error:
                 remarks.append(f"left out: {one_line(error)}")
-        write(self.folder / "solution.md", "\n".join(self._text(actor.task, facts, counterexample, remarks)) + "\n")
         write(self.folder / FILE, json.dumps(facts, indent=1))
+        write(self.folder / "solution.md", "\n".join(self._text(actor.task, facts, counterexample, remarks)) + "\n")
         return facts
 
-    @property
-    def _starts(self) -> int:
-        return int(np.clip(60 * _SHARE * self.minutes / self.posed.episode_seconds, _FEWEST, _MOST))
+    def _starts(self, actor: Actor) -> int:
+        """As many as a part of the time lets act."""
+        points = space_of(actor.task).draw(np.random.default_rng(0), _TIMED)
+        began = time.perf_counter()
+        actor.play(points)
+        each = (time.perf_counter() - began) / len(points)
+        return int(np.clip(60 * _SHARE * self.clock.minutes / each, _FEWEST, _MOST))
 
-    def _certified(self, actor: Actor) -> dict[str, Any]:
+    def _certified(self, actor: Actor, starts: int) -> dict[str, Any]:
         """The facts of the certificate; of a task with a single start, whether it satisfies."""
         space = space_of(actor.task)
         if not space.single:
-            return dict(certify(actor, Claim(self.confidence, starts=self._starts)).facts)
+            return dict(certify(actor, Claim(self.confidence, starts=starts)).facts)
         satisfied = int(actor.play(space.draw(np.random.default_rng(0), 1)).satisfied[0])
         return {"starts": 1, "satisfied": satisfied, "probability": float(satisfied), "low": None, "confidence": None}
 
-    def _attacked(self, actor: Actor) -> Falsification:
+    def _attacked(self, actor: Actor, starts: int) -> Falsification:
         """The worst start of a search, written where it is a counterexample."""
-        found = falsify(actor, How(evaluations=self._starts))
+        found = falsify(actor, How(evaluations=starts))
         if found.found:
             write_counterexample(found, self.folder / "counterexample")
         return found
 
     def _policy(self) -> None:
-        cells = self.folder / CELLS
+        cells = self.cells
         npz.write(self.folder / "policy.npz", read(cells, self.best, "selected"))
         export(cells, self.best, "selected", self.folder / "policy.onnx")
 
     def _page(self) -> None:
         """The page, or without its package the tables and figures as files."""
-        cells = self.folder / CELLS
+        cells = self.cells
         groups = condense(stored.read(cells))
         report = Report(groups, standards((group.setting for group in groups), ask))
         try:
@@ -111,21 +130,25 @@ class Delivery:
             write_page(report, results, cells, load_guarded, ask, self.folder / "page.html")
 
     def _film(self) -> None:
-        filmed = film_cell(self.folder / CELLS, self.best, "selected", EVERY, "gif", self.folder)
+        filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)
         for path in filmed.paths:
             path.replace(self.folder / f"film{path.suffix}")
 
     # ------------------------------------------------------------------------------------------------------- the text
 
     def _text(
-        self, task: Task, facts: Mapping[str, Any], attacked: Falsification, remarks: Sequence[str]
+        self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None, remarks: Sequence[str]
     ) -> Iterator[str]:
         yield f"# {task.file.title}\n"
+        if self.interrupted:
+            yield "Interrupted: this is the best policy so far. The same command goes on.\n"
         yield f"{sentence(facts)}\n"
         yield f"Formula, in steps of {task.file.sampling_time:g} s: `{task.formula}`\n"
         cell = self.best.id
         yield f"Trained by {cell.method} with {cell.agent}, seed {cell.seed}, on the track auto."
-        yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."
+        yield from self._comparison()
+        if attacked is not None:
+            yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."
         yield from (f"\n- {line}" for line in (*self.posed.notes, *remarks))
         if facts["probability"] < LEARNED:
             yield from ("", "## What is missing", "", *self._missing())
@@ -133,6 +156,17 @@ class Delivery:
         yield "## Files"
         for path in sorted(self.folder.iterdir()):
             yield f"- `{path.name}`"
+
+    def _comparison(self) -> Iterator[str]:
+        """What the final training reached, so that one lucky seed does not hide another."""
+        finals = [result for result in self.trained if result.id.budget == FINAL and result.measurement is not None]
+        shares = {result.id.seed: rank(result)[0] for result in finals}
+        each = ", ".join(f"seed {seed} {100 * share:.0f} %" for seed, share in sorted(shares.items()))
+        if each:
+            yield f"Trained again with fresh seeds, of the starts for selection satisfied: {each}."
+        if self.best.id.budget != FINAL:
+            why = "no fresh seed satisfies from as many of the starts for selection" if each else "no time was left"
+            yield f"The policy is from the race: {why}."
 
     def _missing(self) -> Iterator[str]:
         assert self.best.measurement is not None
@@ -142,9 +176,16 @@ class Delivery:
         failing = max(score.first_failed.items(), key=lambda part: part[1], default=("", 0))
         if failing[1]:
             yield f"What fails first, from {failing[1]} of {score.starts} starts: `{failing[0]}`."
-        yield "A witness exists." if any(score.satisfied) else "No episode is known that satisfies."
+        yield self._witness(any(score.satisfied))
         yield "\nMost promising to change:\n"
         yield from (f"{place}. {text}" for place, text in enumerate(self._suggestions(failing[0]), 1))
+
+    def _witness(self, satisfied: bool) -> str:
+        if satisfied:
+            return "A witness exists: the policy satisfies from some starts."
+        if (self.folder / WITNESS).is_file():
+            return f"A witness exists: the held actions of `{WITNESS}` satisfy from one start."
+        return "No episode is known that satisfies."
 
     def _suggestions(self, failing: str) -> list[str]:
         """The two most promising changes."""
@@ -156,12 +197,14 @@ class Delivery:
                 "The environment ends episodes early, which violates; `terminated: hold` keeps the last sample."
             )
         if measured.selected_steps > 0.6 * measured.env_steps:
-            texts.append(f"The policy was still improving: take more time, such as `--minutes {3 * self.minutes:g}`.")
+            texts.append(
+                f"The policy was still improving: take more time, such as `--minutes {3 * self.clock.minutes:g}`."
+            )
         texts.append(f"Relax `{failing or task.formula}`: a wider tolerance, or a later and longer interval.")
         texts.append(
             "Narrow the ranges of the signals in `task/task.yaml` to what the task needs: rewards scale with them."
         )
-        texts.append(f"Take more time, such as `--minutes {3 * self.minutes:g}`.")
+        texts.append(f"Take more time, such as `--minutes {3 * self.clock.minutes:g}`.")
         return texts[:2]
 
 

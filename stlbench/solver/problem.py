@@ -23,15 +23,25 @@ from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines, referee
 from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.solver import witness
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.task import Task, load_task
 from stlbench.task.file import EarlyEnd
-from stlbench.task.gym_sketch import sketch
+from stlbench.task.gym_sketch import info_ends, sketch
 from stlbench.task.windows import windows
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
-_ASKED, _FILE = "solve.json", "task.yaml"
+_ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
+_LOOK, _SEARCHED = 0.03, 15.0
+"""The share of the time for each of the first tries: scores, constant actions and a witness; and the most seconds for
+the last."""
+_NOTHING = 1e-300  # bounds are rounded outward, 0 too
+_MEASURED = 3.0
+"""Seconds for which the speed of the simulation is measured, at most."""
+_FEWEST, _AT_MOST, _CONSTANTS = 16, 16, 50
+"""Starts of a score at least, starts from which constant actions are compared at most, and about how many are."""
 _DECISIONS = 200
 """An action is held for as many steps as leave at most so many decisions in an episode."""
 _BY_HAND = {"notes", "rewarded", "nested", "training", "features", "best_known", "baselines", "protocols", "budgets"}
@@ -48,7 +58,7 @@ class Problem:
     formula: str | None
     """None for the task's own."""
     signals: Mapping[str, str] = field(default_factory=dict)
-    """Signal -> expression over the entries of the observation, in which `obs[0]` is the first of them."""
+    """Signal -> expression over entries of the observation, of which `obs[0]` is the first, and over the info."""
     time: Literal["steps", "seconds"] | None = None
     """Unit of the formula's intervals; None for steps, or what the task's file says."""
     terminated: EarlyEnd | None = None
@@ -65,7 +75,7 @@ class Posed:
     notes: tuple[str, ...]
     """What the user should know of it, in a line each."""
     episode_seconds: float
-    """Of simulation, without training."""
+    """Of simulating an episode that does not end early, without training."""
 
     @property
     def task(self) -> Task:
@@ -98,8 +108,8 @@ class Posed:
         _write(path, content | {"budgets": change(content["budgets"])})
 
 
-def pose(problem: Problem, folder: Path) -> Posed:
-    """Write the task file of a problem, or go on with the one that is there.
+def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
+    """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
 
     Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal, an environment
     that ends at once, or a folder that has another problem.
@@ -116,7 +126,7 @@ def pose(problem: Problem, folder: Path) -> Posed:
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
         )
     try:
-        notes, seconds = _posed(problem, home)
+        notes, seconds = _posed(problem, home, 60 * minutes)
     except BaseException:
         shutil.rmtree(home, ignore_errors=True)
         raise
@@ -135,23 +145,32 @@ def _shown(problem: Mapping[str, Any]) -> str:
     return f"{problem['environment']} {problem['formula'] or ''}".strip()
 
 
-def _posed(problem: Problem, home: Path) -> tuple[list[str], float]:
+def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], float]:
     """Write the folder of the task; notes, and the seconds of an episode."""
     content = _of_task(problem, home) if _is_task(problem.environment) else _of_environment(problem)
-    steps = content["steps"]
-    content["budgets"] = {"probe": _probe(steps)}
+    content["budgets"] = {"probe": _probe(content["steps"])}
     _write(home / _FILE, content)
     folders.know(home, instead=True)
     task = load_task(TASK)
-    random, seconds = _tried(task)
-    found = baselines.constants(task)
+    _try_at_random(task)
+    episode = _episode_seconds(task)
+    if isinstance(task.dynamics, GymTask):  # each copy is stepped by itself, which may take long
+        content["starts"] = int(np.clip(_LOOK * seconds / episode, _FEWEST, task.file.starts))
+        _write(home / _FILE, content)
+        task = load_task(TASK)
+    found = baselines.constants(task, int(np.clip(_LOOK * seconds / (_CONSTANTS * episode), 1, _AT_MOST)))
+    random = baselines.at_random(task)
     content["baselines"] = {
         "zero": _numbers(found.zero),
         "constant": _numbers(found.best) | {"action": list(found.action)},
         "random": _numbers(random),
     }
     _write(home / _FILE, content)
-    return list(_notes(load_task(TASK), found, random)), seconds
+    nearest = witness.search(task, min(_SEARCHED, _LOOK * seconds))
+    if nearest.satisfies:
+        facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
+        write(home.parent / WITNESS, json.dumps(facts))
+    return list(_notes(load_task(TASK), found, random, nearest)), episode
 
 
 def _probe(steps: int) -> dict[str, Any]:
@@ -215,6 +234,8 @@ def _of_environment(problem: Problem) -> dict[str, Any]:
     content = sketch(problem.environment, problem.keywords)
     entries = {name: (ends["low"], ends["high"]) for name, ends in content["signals"].items()}
     texts = {name: _expression(name, text, content["environment"]["names"]) for name, text in problem.signals.items()}
+    if not {*_names(texts), *stl.signals(_parsed(problem.formula))} <= {*texts, *entries}:
+        entries |= info_ends(problem.environment, problem.keywords)
     dt = content["sampling_time"] if problem.time == "seconds" else None
     formula = _formula(problem.formula, dt, {*texts, *entries})
     _check_horizon(formula, content["steps"], problem.environment)
@@ -248,6 +269,15 @@ def _expression(name: str, text: str, names: Any) -> str:
     return _ENTRY.sub(entry, text)
 
 
+def _names(texts: Mapping[str, str]) -> Iterator[str]:
+    """The names in expressions."""
+    for name, text in texts.items():
+        try:
+            yield from stl.signals(stl.parse_expression(text))
+        except (ValueError, TypeError) as error:
+            raise UsageError(f"signal {name}: {one_line(error)}") from error
+
+
 def _signal(name: str, text: str | None, entries: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
     """An entry of `signals`: the range of an expression follows from the ranges of the entries in it."""
     try:
@@ -256,7 +286,7 @@ def _signal(name: str, text: str | None, entries: Mapping[str, tuple[float, floa
         raise UsageError(f"signal {name}: {one_line(error)}") from error
     if not np.isfinite([ends.low, ends.high]).all():
         raise UsageError(f"signal {name}: {text} is without ends where {entries}")
-    low, high = float(f"{ends.low:.4g}"), float(f"{ends.high:.4g}")
+    low, high = (float(f"{end:.4g}") if abs(end) > _NOTHING else 0.0 for end in (ends.low, ends.high))
     if not low < high:
         raise UsageError(f"signal {name} is constant, {low:g}; a formula is over signals that change")
     return {"low": low, "high": high} | ({} if text is None or text == name else {"expression": text})
@@ -265,11 +295,15 @@ def _signal(name: str, text: str | None, entries: Mapping[str, tuple[float, floa
 # --------------------------------------------------------------------------------------------------------- the formula
 
 
-def _formula(text: str, dt: float | None, known: set[str]) -> stl.Formula:
+def _parsed(text: str, dt: float | None = None) -> stl.Formula:
     try:
-        formula = stl.parse(text, dt=dt)
+        return stl.parse(text, dt=dt)
     except (ValueError, TypeError) as error:
         raise UsageError(f"formula: {one_line(error)}") from error
+
+
+def _formula(text: str, dt: float | None, known: set[str]) -> stl.Formula:
+    formula = _parsed(text, dt)
     for name in stl.signals(formula):
         if name not in known:
             raise UsageError(f"formula: no signal '{name}'{did_you_mean(name, known)}")
@@ -289,23 +323,38 @@ def _has_goals(formula: stl.Formula) -> bool:
 # --------------------------------------------------------------------------------------------------------- first tries
 
 
-def _tried(task: Task) -> tuple[Score, float]:
-    """The score of random actions, and the seconds that one episode takes. Raises `UsageError`, see `pose`."""
-    began = time.perf_counter()
-    policy, starts = baselines.AtRandom(task), task.starts.report_and_selection()[0]
+def _try_at_random(task: Task) -> None:
+    """Raises `UsageError` where episodes of random actions end at once, or a signal never changes."""
+    policy, starts = baselines.AtRandom(task), task.starts.report_and_selection()[0][:_FEWEST]
     episodes = referee.record(task, Unpaid(task.specification), policy, starts)
-    seconds = (time.perf_counter() - began) / len(starts)
     if isinstance(task.dynamics, GymTask) and episodes.lasted.max() <= max(1, task.file.hold):
         raise UsageError(f"the environment ends at once: {len(starts)} of {len(starts)} random episodes had one step")
     for place, name in enumerate(task.signals):
         samples = episodes.traces[..., place]
-        if np.nanmax(samples) == np.nanmin(samples):
+        if np.nanmax(samples) == np.nanmin(samples) and not _is_flag(task, name):
             value = f"{np.nanmax(samples):g} in {len(starts)} episodes of random actions"
             raise UsageError(f"signal {name} is constant, {value}; a formula is over signals that change")
-    return referee.score(task, episodes.traces, lasted=episodes.lasted), seconds
 
 
-def _notes(task: Task, found: baselines.Constants, random: Score) -> Iterator[str]:
+def _episode_seconds(task: Task) -> float:
+    """Of an episode that lasts to the end, one of several that are simulated side by side."""
+    environment = BatchEnvironment(task, Unpaid(task.specification), _FEWEST, seed=0)
+    policy, nothing = baselines.AtRandom(task), np.empty((_FEWEST, 0))
+    began = time.perf_counter()
+    while environment.taken < _FEWEST * task.file.steps and time.perf_counter() - began < _MEASURED:
+        environment.step(policy.act(nothing))
+    return (time.perf_counter() - began) * task.file.steps / environment.taken
+
+
+def _is_flag(task: Task, name: str) -> bool:
+    """Whether it is an entry of the info that is 0 or 1: random actions may never reach a success."""
+    if not isinstance(task.dynamics, GymTask):
+        return False
+    text = task.file.signals[name].expression or name
+    return text in task.source.expressions.from_info and task.file.box[name] == (0, 1)
+
+
+def _notes(task: Task, found: baselines.Constants, random: Score, nearest: witness.Nearest) -> Iterator[str]:
     for window in windows(task.formula):
         if stl.bounds(window.psi, task.file.box, nodes=2000).high < 0:
             yield f"impossible: '{window.psi}' holds nowhere within the ranges of the signals"
@@ -314,6 +363,11 @@ def _notes(task: Task, found: baselines.Constants, random: Score) -> Iterator[st
     for name, score in tried.items():
         if score.satisfaction >= LEARNED:
             yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
+    tried_all = f"{nearest.episodes} episodes of held actions from one start"
+    if nearest.satisfies:
+        yield f"a witness exists: {tried_all} found a robustness of {nearest.robustness:.3g}"
+    else:
+        yield f"no witness was found: {tried_all} reach at most {nearest.robustness:.3g}; others may satisfy"
     if random.ended_early:
         meaning = {
             "hold": "the last sample then stays to the end of the episode",

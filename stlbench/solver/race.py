@@ -8,32 +8,46 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
+from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.rollout.auto import automatic, in_turn
 from stlbench.solver.problem import TASK, Posed
+from stlbench.solver.solution import FINAL, RACE, cells_of
 from stlbench.study.run import build_executor, run_study
 from stlbench.study.tracks import own_agent_on
 from stlbench.study.tuning import FIRST_SEED
-from stlbench.task import Task, fitting_methods
+from stlbench.task import Task, build_agent, fitting_methods
 
 _MOST = 4  # contestants
-_TIMES = 3  # steps of a rung, over those of the one before
-_FINAL_SEEDS = (200, 201)
-_RACE, _FINAL = 0.4, 0.4
-"""Shares of the time. The rest is for the first look, the certificate and the files."""
+_TIMES = 3  # seconds of a rung, over those of the one before
+FINAL_SEEDS = (200, 201)
+_RACE, _DELIVERY = 0.4, 0.2
+"""Shares of the time: for the race; for certificate, counterexamples and files. The final training has what is left."""
+_PROBE = 0.1
+"""Of the time. The training that measures the speed ends at the first checkpoint after it."""
 _EPISODES, _LEAST = 20, 3000
 """A training of fewer episodes, or of fewer steps, teaches nothing."""
-_SCORING, _SCORED = 0.2, 64
-"""The share of a final training that may go to checkpoints, and the starts from which each is scored at most."""
+_SCORING, _CHECKPOINTS = 0.2, (4, 20)
+"""The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
+_GLANCE = 8  # starts from which a checkpoint is scored during a training
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
+_LONGER = 4
+"""The final training has at most so many times the steps of a winner that satisfied from all starts."""
+_SLACK = 1.15
+"""A training that is slower than planned ends after so many times the seconds that were planned."""
+_LONG = 20
+"""From so many minutes on a second agent races too."""
+_SECOND = {"dqn": "sb3-dqn", "td3": "sb3-sac"}
+"""A task's own agent -> the second one."""
 
 
 def rank(result: Result) -> tuple[float, float]:
@@ -44,15 +58,47 @@ def rank(result: Result) -> tuple[float, float]:
     return point.satisfaction, point.robustness_mean
 
 
-def contestants(task: Task) -> tuple[str, ...]:
-    """At most four methods that fit."""
-    derived = automatic(task, own_agent_on(task, "auto"))
+def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
+    """Results of the final training and of the race. Of equal shares of starts, the final training's come first."""
+    trained = [*sorted(finals, key=rank, reverse=True), *sorted(race, key=rank, reverse=True)]
+    return sorted(trained, key=lambda result: rank(result)[0], reverse=True)
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A method, and the agent that trains with it."""
+
+    method: str
+    agent: str
+
+    @classmethod
+    def of(cls, result: Result) -> Contestant:
+        """Who trained."""
+        return cls(str(result.id.method), str(result.id.agent))
+
+
+def contestants(task: Task, minutes: float) -> tuple[Contestant, ...]:
+    """At most four: methods that fit with the task's agent, and with much time the first of them with another agent."""
+    own = own_agent_on(task, "auto")
+    derived = automatic(task, own)
     fitting = fitting_methods(derived)
     if not fitting:
         raise UsageError(
             f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
         )
-    return in_turn(fitting, task.formula)[:_MOST]
+    methods = in_turn(fitting, task.formula)
+    second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
+    return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
+
+
+def _second(task: Task, own: str) -> list[str]:
+    """The other agent for the same actions, where it is installed."""
+    agent = _SECOND.get(own, own)
+    try:
+        build_agent(automatic(task, agent), agent)
+    except (Unsuitable, UsageError):
+        return []
+    return [] if agent == own else [agent]
 
 
 @dataclass
@@ -60,12 +106,12 @@ class Clock:
     """The time that the user gave."""
 
     minutes: float
-    _began: float = field(default_factory=time.monotonic)
+    _began: float = field(default_factory=lambda: time.perf_counter())
 
     @property
     def spent(self) -> float:
         """Seconds."""
-        return time.monotonic() - self._began
+        return time.perf_counter() - self._began
 
     @property
     def left(self) -> float:
@@ -86,48 +132,92 @@ class Trainer:
     executor: str = "local"
     jobs: int | None = None
 
-    def train(self, folder: str, budget: str, methods: Sequence[str], seeds: Iterable[int]) -> list[Result]:
-        """The results of these cells, the best first. Raises `UsageError` where none is done."""
-        place = self.posed.folder / folder
-        results = run_study(
-            tasks=[TASK],
-            methods=list(methods),
-            seeds=list(seeds),
-            budget=budget,
-            track="auto",
-            results=place,
-            executor=self.executor,
-            jobs=self.jobs,
-            progress=self.progress,
-        )
-        ranked = sorted(results, key=rank, reverse=True)
-        if ranked[0].measurement is None:
-            raise UsageError(f"no training of {budget} ended well: {ranked[0].id.name}: {ranked[0].reason}")
-        return ranked
+    def train(
+        self, budget: str, who: Sequence[Contestant], seeds: Sequence[int], enough: float = math.inf
+    ) -> list[Result]:
+        """The results of these cells, the best first.
+
+        No more begin once one satisfies from a share `enough`, or where only the time for the delivery is left.
+        """
+        cells, results = [(each, seed) for each in who for seed in seeds], list[Result]()
+        for first in range(0, len(cells), self._at_once):
+            if results and (rank(results[0])[0] >= enough or not self._has_time):
+                break
+            results += self._together(budget, cells[first : first + self._at_once])
+            results.sort(key=rank, reverse=True)
+        return results
+
+    @property
+    def _has_time(self) -> bool:
+        return self.clock.left > _DELIVERY * 60 * self.clock.minutes
+
+    def _together(self, budget: str, cells: Sequence[tuple[Contestant, int]]) -> list[Result]:
+        """Runs cells side by side: studies of one agent each, which are products of methods and seeds."""
+        results = list[Result]()
+        for agent in dict.fromkeys(each.agent for each, _ in cells):
+            alike = [(each.method, seed) for each, seed in cells if each.agent == agent]
+            methods, seeds = (list(dict.fromkeys(column)) for column in zip(*alike, strict=True))
+            results += run_study(
+                tasks=[TASK],
+                methods=methods,
+                agents=[agent],
+                seeds=seeds,
+                budget=budget,
+                track="auto",
+                results=self.posed.folder / cells_of(budget),
+                executor=self.executor,
+                jobs=self.jobs,
+                progress=self.progress,
+            )
+        return results
 
     def race(self) -> Result:
-        """The winner's best result; the probe where one method alone trains. Raises `UsageError` as `_plan`."""
+        """The winner's best result; the probe where that is enough. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
-        (best,) = self.train("race", "probe", contestants(self.posed.task)[:1], [FIRST_SEED])
-        methods = self.posed.state["methods"] or self._plan(best)
+        racing = contestants(self.posed.task, self.clock.minutes)
+        self._limit_probe()
+        (best,) = self.train("probe", racing[:1], [FIRST_SEED])
+        if best.measurement is None:
+            raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
+        racing = self._chosen(racing, best)
         rung = 1
-        while len(methods) > 1:
-            steps = self.posed.task.budget(f"rung-{rung}").steps
-            self.say(f"race, rung {rung}: {', '.join(methods)}, {steps} steps each")
-            ranked = self.train("race", f"rung-{rung}", methods, [FIRST_SEED + rung])
-            best, methods, rung = ranked[0], [str(each.id.method) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
-            if rank(best)[0] == 1:
-                break
+        while len(racing) > 1 and rank(best)[0] < 1 and self._has_time:
+            names = ", ".join(
+                each.method if each.agent == racing[0].agent else f"{each.method} with {each.agent}" for each in racing
+            )
+            self.say(f"race, rung {rung}: {names}; {_score(best)}")
+            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], enough=1.0)
+            best = max(ranked[0], best, key=rank)
+            racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best
 
-    def _plan(self, probe: Result) -> list[str]:
+    def kept(self) -> list[Result]:
+        """What has been trained so far, the best first; at equal shares the final training before the race."""
+        finals, race = (self._done(folder) for folder in (FINAL, RACE))
+        return best_first(finals, race)
+
+    def _done(self, folder: str) -> list[Result]:
+        place = self.posed.folder / folder
+        return [each for each in stored.read(place) if each.measurement is not None] if place.is_dir() else []
+
+    def _limit_probe(self) -> None:
+        """No probe may last: a slow environment would use up all time before anything is known of its speed."""
+        steps = self.posed.task.budget("probe").steps
+        self._write("probe", steps, _PROBE * 60 * self.clock.minutes, checkpoints=10)
+
+    def _chosen(self, racing: Sequence[Contestant], probe: Result) -> list[Contestant]:
+        """Those that race, as they were chosen before or by `_plan`."""
+        known = self.posed.state["methods"]
+        count = len(self._plan(racing, probe)) if known is None else len(known)
+        return list(racing[:count])
+
+    def _plan(self, racing: Sequence[Contestant], probe: Result) -> list[str]:
         """Choose as many contestants as the time lets learn, and write the budgets of the rungs.
 
         Raises `UsageError` where it is too short even for one.
         """
         apart, each = _cost(probe)
-        methods, steps = list(contestants(self.posed.task)), self.posed.task.file.steps
-        given = 60 * _RACE * self.clock.minutes
+        steps, given = self.posed.task.file.steps, 60 * _RACE * self.clock.minutes
         least = max(_EPISODES * steps, _LEAST)
         if given < least * each:
             raise UsageError(
@@ -135,27 +225,36 @@ class Trainer:
                 f"{given / each:.0f} steps for a training, and {least} are the least; "
                 f"about {least * each / (60 * _RACE):.2g} minutes are needed"
             )
-        while len(methods) > 1:
-            waves = _waves(len(methods), self._at_once)
-            weight = sum(wave * _TIMES**rung for rung, wave in enumerate(waves))
-            seconds = max(given / 2, given - apart * sum(waves))  # the probe may have compiled, which others need not
-            first = int(seconds / (each * weight))
-            if first >= _ENOUGH * steps:
+        count = len(racing)
+        while count > 1:
+            waves = _waves(count, self._at_once)
+            first = given / sum(wave * _TIMES**rung for rung, wave in enumerate(waves))
+            checkpoints, seconds = self._training(first, apart)
+            if seconds >= _ENOUGH * steps * each:
                 for rung in range(len(waves)):
-                    self._write(f"rung-{rung + 1}", first * _TIMES**rung, each, checkpoints=10)
+                    checkpoints, seconds = self._training(first * _TIMES**rung, apart)
+                    self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints)
                 break
-            methods.pop()
+            count -= 1
+        methods = [str(contestant.method) for contestant in racing[:count]]
         self.posed.remember(methods=methods)
         return methods
 
-    def _write(self, name: str, steps: int, each: float, checkpoints: int) -> None:
-        """Write a budget of about so many steps, `each` of which takes so many seconds."""
+    def _training(self, seconds: float, apart: float) -> tuple[int, float]:
+        """For a cell of so many seconds: its checkpoints, and the seconds of its training."""
+        scored = (self.posed.task.file.starts + _GLANCE) * self.posed.episode_seconds
+        checkpoints = int(np.clip(_SCORING * seconds / scored, *_CHECKPOINTS))
+        return checkpoints, max(seconds / 2, seconds - apart - checkpoints * scored)
+
+    def _write(self, name: str, steps: int, seconds: float, checkpoints: int) -> None:
+        """Write a budget of about so many steps, which should take so many seconds."""
         hold = self.posed.task.file.hold
         self.posed.budget(
             name,
             steps=steps // hold * hold,
             seeds=1,
-            deadline=float(round(max(900, 5 * steps * each))),
+            seconds=round(max(0.1, _SLACK * seconds), 1),
+            deadline=float(round(3 * seconds + 60)),
             checkpoints=checkpoints,
             random_starts=0,
         )
@@ -166,19 +265,30 @@ class Trainer:
         return build_executor(self.executor, self.jobs).jobs
 
     def final(self, winner: Result) -> list[Result]:
-        """The winner, trained with fresh seeds, the best first."""
-        if "final" not in self.posed.task.file.budgets:
+        """The winner, trained with fresh seeds until one satisfies from all starts for selection; the best first.
+
+        There is none where only the time for the delivery is left.
+        """
+        if not self._has_time and not self._done(FINAL):
+            self.say("no time is left to train again with fresh seeds")
+            return []
+        if FINAL not in self.posed.task.file.budgets:
             apart, each = _cost(winner)
-            seconds = max(_FINAL * 60 * self.clock.minutes, self.clock.left - 12 * self.clock.minutes)
-            one = seconds / -(-len(_FINAL_SEEDS) // self._at_once)
-            checkpoints = int(np.clip(_SCORING * one / (_SCORED * self.posed.episode_seconds), 5, 20))
-            steps = int(max(one / 2, one - apart) / each)
-            assert winner.measurement is not None
-            self._write("final", max(steps, winner.measurement.env_steps), each, checkpoints)
-        steps = self.posed.task.budget("final").steps
-        method = str(winner.id.method)
-        self.say(f"final: {method}, {len(_FINAL_SEEDS)} fresh seeds, at most {steps} steps each")
-        return self.train("final", "final", [method], _FINAL_SEEDS)
+            given = self.clock.left - _DELIVERY * 60 * self.clock.minutes
+            checkpoints, seconds = self._training(given / -(-len(FINAL_SEEDS) // self._at_once), apart)
+            steps = int(seconds / each)
+            if rank(winner)[0] == 1:
+                assert winner.measurement is not None
+                steps = min(steps, _LONGER * winner.measurement.env_steps)
+            self._write(FINAL, steps, seconds, checkpoints)
+        contestant, steps = Contestant.of(winner), self.posed.task.budget(FINAL).steps
+        self.say(f"final: {contestant.method}, fresh seeds, at most {steps} steps each; {_score(winner)}")
+        return self.train(FINAL, [contestant], FINAL_SEEDS, enough=1.0)
+
+
+def _score(result: Result) -> str:
+    satisfaction, robustness = rank(result)
+    return f"best so far {100 * satisfaction:.0f} %, robustness {robustness:.3g}"
 
 
 def _cost(result: Result) -> tuple[float, float]:

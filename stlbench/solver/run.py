@@ -17,7 +17,7 @@ from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
 from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.problem import Problem, is_of, pose
-from stlbench.solver.race import Clock, Trainer
+from stlbench.solver.race import Clock, Trainer, best_first
 from stlbench.solver.solution import FILE, Solution
 from stlbench.study.live_cells import duration
 from stlbench.study.progress import Progress
@@ -40,15 +40,17 @@ def solve(
 ) -> Solution:
     """From an environment and a formula to a policy with a certificate: `stlbench solve` in Python.
 
-    What is done is kept in a folder. The same call goes on there after an interrupt.
+    What is done is kept in a folder. After an interrupt the best policy so far is written there, with a certificate
+    from few starts, and `KeyboardInterrupt` is raised. The same call goes on.
 
     Args:
         environment: an id of Gymnasium, "CartPole-v1" or "my_module:Mine-v0"; a registered environment; or a task of
             stlbench, by its name or its folder's path.
         formula: what the policy has to satisfy; None for the task's own.
         signals: signal -> expression over the entries of the observation, {"theta": "atan2(y, x)"}. `obs[0]`, or the
-            number 0, is the first entry, and `obs[key][0]` the first of a Dict. Entries are signals by their own names.
-        minutes: about how long it may take.
+            number 0, is the first entry, and `obs[key][0]` the first of a Dict. Entries are signals by their own names,
+            and so are numbers of the info that every step and reset has.
+        minutes: how long it may take. The first look, the files and a busy machine can take a minute more.
         into: the folder. If None, "solved/" and the environment's name, with a number where another problem is there.
         confidence: of the certificate, in (0, 1).
         time: unit of the formula's intervals; steps, or what the task says, if None.
@@ -79,15 +81,22 @@ def solve(
     problem = Problem(identifier, formula, texts, time, terminated, keywords)
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")
-    posed = pose(problem, folder)
+    posed = pose(problem, folder, minutes)
     for line in posed.notes:
         note(line)
     posed.begin(minutes)
     trainer = Trainer(posed, clock, say, progress, executor, jobs)
-    finals = trainer.final(trainer.race())
-    if not _is_delivered(folder, finals[0], confidence):
+    try:
+        winner = trainer.race()
+        trained = best_first(trainer.final(winner), [winner])
+    except KeyboardInterrupt:
+        if trained := trainer.kept():
+            say("interrupted: a short certificate of the best so far; ctrl-C again leaves it out")
+            note(sentence(Delivery(posed, problem, clock, confidence, trained, interrupted=True).write()))
+        raise
+    if not _is_delivered(folder, trained[0], confidence):
         say("certificate, counterexamples and files")
-        Delivery(posed, problem, minutes, confidence, finals).write()
+        Delivery(posed, problem, clock, confidence, trained).write()
     solution = Solution.load(folder, run_code=True)  # the task is the user's own
     note(sentence(solution.certificate))
     return solution
@@ -119,4 +128,5 @@ def _is_delivered(folder: Path, best: Result, confidence: float) -> bool:
         facts = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return bool(facts["key"] == best.key and facts["confidence"] in (confidence, None))
+    whole = not facts["interrupted"]
+    return bool(whole and facts["key"] == best.key and facts["confidence"] in (confidence, None))

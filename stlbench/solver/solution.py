@@ -24,8 +24,8 @@ from stlbench.task.gym_spaces import as_action
 from stlbench.task.yaml_text import load_yaml
 
 FILE = "certificate.json"
-CELLS = "final"
-"""The folder of results with the policy."""
+FINAL, RACE = "final", "race"
+"""Folders of results: of the last training, whose budget has the same name, and of all before."""
 
 
 class Acting:
@@ -129,8 +129,9 @@ class Solution:
             raise UsageError(f"{place} has no solution; `stlbench solve` writes one: {error}") from error
         if not run_code and (code := code_of(plugin.folder)):
             raise UsageError(f"{place}: its task runs {code}; if you trust it, load it with run_code=True")
-        result = Results.load(place / CELLS).cell(certificate["cell"])
-        return cls(place, certificate, Acting(load_policy(place / CELLS, result)))
+        cells = place / cells_of(certificate["budget"])
+        result = Results.load(cells).cell(certificate["cell"], certificate["budget"])
+        return cls(place, certificate, Acting(load_policy(cells, result)))
 
     @property
     def learned(self) -> bool:
@@ -140,6 +141,11 @@ class Solution:
     def report(self) -> str:
         """The text of `solution.md`."""
         return (self.folder / "solution.md").read_text(encoding="utf-8")
+
+
+def cells_of(budget: str) -> str:
+    """The folder of results that has the trainings of a budget."""
+    return FINAL if budget == FINAL else RACE
 
 
 def code_of(home: Path) -> str:

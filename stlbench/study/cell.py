@@ -69,7 +69,7 @@ _NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True) | 
 """What a task file says that changes no result, or is in the key of a cell by itself."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """What it says of environments alone."""
-_OF_BUDGET = {"steps", "checkpoints", "patience", "random_starts"}  # what of a budget changes a result
+_OF_BUDGET = {"steps", "checkpoints", "patience", "seconds", "random_starts"}  # what of a budget changes a result
 _NO_CODE = Code()
 
 

@@ -71,8 +71,9 @@ def train(
         reported.append(Checkpoint(policy, steps, clock.cpu))
         notify(policy, steps)
         enough = patience is not None and patience.ends(*score(policy))
+        late = budget.seconds is not None and clock.wall >= budget.seconds
         clock.resume()
-        return enough
+        return enough or late
 
     def make(count: int) -> CountedEnvironment:
         used.append(CountedEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter))

@@ -126,6 +126,9 @@ class Budget(Entry):
     patience: Count | None = None
     """Training may end after so many checkpoints without a better one, once the policy satisfies from all starts that
     are looked at; it lasts for all steps where left out."""
+    seconds: Positive | None = None
+    """Training ends at the first checkpoint after so many wall seconds. The result then depends on the machine, so
+    leave it out where methods are compared."""
     random_starts: Annotated[int, Field(ge=0)] = 1000
     """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 

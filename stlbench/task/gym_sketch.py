@@ -121,7 +121,7 @@ def _magnitudes(identifier: str, env: Gym, names: Names) -> dict[str, float]:
     """Name -> the largest magnitude of the entry in episodes of random actions, above the floor, rounded up."""
     entries = entries_of(env.observation_space, names)
     try:
-        seen = [np.abs(entries.read(each, 1)[0]) for each in _observations(env, _limit(identifier))]
+        seen = [np.abs(entries.read(each, 1)[0]) for each, _ in _played(env, _limit(identifier))]
     except Exception as error:  # it is code of others
         raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
     most: Array = np.max(np.nan_to_num(seen, posinf=0.0), axis=0)
@@ -129,15 +129,44 @@ def _magnitudes(identifier: str, env: Gym, names: Names) -> dict[str, float]:
     return {name: _rounded_up(max(value, floor)) for name, value in zip(entries.names, most.tolist(), strict=True)}
 
 
-def _observations(env: Gym, steps: int) -> Iterator[Any]:
+def info_ends(identifier: str, keywords: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """The numbers in every info of the environment, name -> range, from episodes of random actions.
+
+    A flag, of which only 0 and 1 were seen, lies in [0, 1], also where it was always the same. Other ranges reach to
+    twice the largest magnitude that was seen, on the side of 0 where there was something. Raises `UsageError` where the
+    environment cannot be made or played.
+    """
+    env, infos = made(identifier, keywords), list[dict[str, float]]()
+    try:
+        infos += [_numbers(info) for _, info in _played(env, _limit(identifier))]
+    except Exception as error:  # it is code of others
+        raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
+    always = [name for name in infos[0] if all(name in info for info in infos)]
+    return {name: _range([info[name] for info in infos]) for name in always}
+
+
+def _numbers(info: Mapping[str, Any]) -> dict[str, float]:
+    kinds = bool, int, float, np.bool_, np.number
+    return {name: float(value) for name, value in info.items() if isinstance(value, kinds) and np.isfinite(value)}
+
+
+def _range(values: list[float]) -> tuple[float, float]:
+    if {*values} <= {0.0, 1.0}:
+        return 0.0, 1.0
+    most = 2 * _rounded_up(max(map(abs, values)))
+    return -most if min(values) < 0 else 0.0, most if max(values) > 0 else 0.0
+
+
+def _played(env: Gym, steps: int) -> Iterator[tuple[Any, Mapping[str, Any]]]:
+    """Each observation with its info."""
     env.action_space.seed(0)
     for seed in range(_EPISODES):
-        yield env.reset(seed=seed)[0]
+        yield env.reset(seed=seed)
         for t in range(min(steps, _PLAYED // _EPISODES)):
             if seed % 2 == 0 or t % _KEPT == 0:
                 action = env.action_space.sample()
-            observation, _, terminated, truncated, _ = env.step(action)
-            yield observation
+            observation, _, terminated, truncated, info = env.step(action)
+            yield observation, info
             if terminated or truncated:
                 break
 

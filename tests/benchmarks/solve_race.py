@@ -215,12 +215,14 @@ def train(entry: Entry, algorithm: str, seed: int, limit: float) -> dict[str, An
 def solved(entry: Entry, folder: Path) -> dict[str, Any]:
     """What the policy in a folder of `stlbench solve` is worth from the fresh starts."""
     from stlbench.rollout.referee import record
-    from stlbench.solver.solution import CELLS, Solution
+    from stlbench.solver.solution import Solution, cells_of
     from stlbench.study.policies import load_policy
     from stlbench.study.results import Results
 
     solution = Solution.load(folder, run_code=True)
-    task, method, policy = load_policy(folder / CELLS, Results.load(folder / CELLS).cell(solution.certificate["cell"]))
+    name, budget = solution.certificate["cell"], solution.certificate["budget"]
+    cells = folder / cells_of(budget)
+    task, method, policy = load_policy(cells, Results.load(cells).cell(name, budget))
     traces = record(task, method, policy, starts(entry, FRESH)).traces
     names = list(task.signals)
     traces = traces[:, : stl.horizon(entry.requirement) + 1, [names.index(name) for name in entry.names]]
