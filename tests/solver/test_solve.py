@@ -29,6 +29,8 @@ from stlbench.study.results import Results
 from stlbench.study.run import run_study
 
 FORMULA = "G[0,20] abs(theta) <= 0.15"
+HARD = "G[0,20] abs(theta) <= 0.04"
+"""A fifth of the starts violate it at once, so that no training satisfies from all starts."""
 
 ENVIRONMENTS = '''
 """Made-up environments."""
@@ -120,7 +122,7 @@ def test_bad_input_is_one_line(words: list[str], problem: str) -> None:
 def small(environment: str, formula: str | None, **signals: str) -> None:
     """Pose a problem, and choose methods and budgets of seconds, as a user may who edits the files."""
     posed = pose(Problem(environment, formula, signals), Path("out"))
-    posed.begin(1.0)
+    posed.begin(15.0)
     for name in ("probe", "rung-1", "final"):
         posed.budget(name, steps=640, seeds=1, deadline=300.0, checkpoints=2, random_starts=0)
     posed.remember(methods=["funnel", "raw"])
@@ -128,8 +130,8 @@ def small(environment: str, formula: str | None, **signals: str) -> None:
 
 @pytest.mark.slow
 def test_a_whole_solution_and_the_same_call_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    small("CartPole-v1", FORMULA)
-    solution = stlbench.solve("CartPole-v1", FORMULA, minutes=1.0, into="out", jobs=1)
+    small("CartPole-v1", HARD)
+    solution = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     facts = json.loads(Path("out/certificate.json").read_text())
     assert solution.certificate == facts
     assert facts["confidence"] == 0.95
@@ -138,10 +140,11 @@ def test_a_whole_solution_and_the_same_call_again(monkeypatch: pytest.MonkeyPatc
     assert {(cell.id.budget, cell.id.seed, str(cell.id.method)) for cell in race} == {
         *(("probe", 100, "funnel"), ("rung-1", 101, "funnel"), ("rung-1", 101, "raw"))
     }
-    best = max((each for each in race if each.id.budget == "rung-1"), key=rank)
-    seeds = (200,) if rank(final[0])[0] == 1 else (200, 201)
-    assert {(str(cell.id.method), cell.id.seed) for cell in final} == {(str(best.id.method), seed) for seed in seeds}
-    assert facts["cell"] in {max(final, key=rank).id.name, best.id.name}
+    best = max(race, key=rank)
+    assert {(str(cell.id.method), cell.id.seed) for cell in final} == {
+        (str(best.id.method), seed) for seed in (200, 201)
+    }
+    assert facts["cell"] in {max(final, key=rank).id.name, max(race, key=rank).id.name}
     for name in ("policy.npz", "policy.onnx", "page.html", "film.gif", "task/task.yaml"):
         assert Path("out", name).stat().st_size > 100, name
     text = solution.report()
@@ -153,14 +156,14 @@ def test_a_whole_solution_and_the_same_call_again(monkeypatch: pytest.MonkeyPatc
     exec(runs[1], values)  # as the text tells the user
     assert values["observation"].shape == (4,)
     monkeypatch.setattr("stlbench.solver.deliver.Delivery.write", lambda self: pytest.fail("was written again"))
-    again = stlbench.solve("CartPole-v1", FORMULA, minutes=1.0, into="out", jobs=1)
+    again = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     assert again.certificate == facts
     assert len(Results.load("out/race")) == 3
 
 
 @pytest.mark.slow
 def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    small("CartPole-v1", FORMULA)
+    small("CartPole-v1", HARD)
     calls = list[str]()
 
     def interrupted(*args: Any, **options: Any) -> Results:
@@ -171,7 +174,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
 
     with monkeypatch.context() as patched:
         patched.setattr("stlbench.solver.race.run_study", interrupted)
-        done = say("CartPole-v1", FORMULA, "--minutes", "1", "--jobs", "1")
+        done = say("CartPole-v1", HARD, "--minutes", "15", "--jobs", "1")
     assert done.exit_code == 130
     assert "say the same again" in done.stderr
     assert calls == ["probe", "rung-1"]
@@ -182,7 +185,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
     assert Path("out/policy.npz").stat().st_size > 100
     assert not Path("out/film.gif").exists()
     before = [result.provenance for result in Results.load("out/race")]
-    whole = stlbench.solve("CartPole-v1", FORMULA, minutes=1.0, into="out", jobs=1)
+    whole = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     assert not whole.certificate["interrupted"]
     assert "Interrupted" not in whole.report()
     assert before[0] in [result.provenance for result in Results.load("out/race")]
@@ -191,7 +194,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
 def test_an_interrupt_before_any_training_delivers_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     small("CartPole-v1", FORMULA)
     monkeypatch.setattr("stlbench.solver.race.run_study", interrupt)
-    assert say("CartPole-v1", FORMULA, "--minutes", "1", "--jobs", "1").exit_code == 130
+    assert say("CartPole-v1", FORMULA, "--minutes", "15", "--jobs", "1").exit_code == 130
     assert not Path("out/certificate.json").exists()
 
 
