@@ -44,6 +44,8 @@ _LONGER = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
 _SLACK = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
+_HANGING = 600.0
+"""Seconds after which a training is stopped that does not reach its checkpoints, beside three times its own."""
 _LONG = 20
 """From so many minutes on a second agent races too."""
 _SECOND = {"dqn": "sb3-dqn", "td3": "sb3-sac"}
@@ -254,7 +256,7 @@ class Trainer:
             steps=steps // hold * hold,
             seeds=1,
             seconds=round(max(0.1, _SLACK * seconds), 1),
-            deadline=float(round(3 * seconds + 60)),
+            deadline=float(round(_HANGING + 3 * seconds)),
             checkpoints=checkpoints,
             random_starts=0,
         )

@@ -392,3 +392,14 @@ def _played(policy: Any, start: Any) -> Any:
         samples.append(abs(float(observation["place"][0]) - float(observation["goal"][0])))
         observation, _, _, _, info = env.step(policy(observation, t, info))
     return np.array([*samples, abs(float(observation["place"][0]) - float(observation["goal"][0]))])[:, None]
+
+
+def test_a_training_ends_at_the_first_checkpoint_after_its_seconds() -> None:
+    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    budget = {"steps": 2560, "seeds": 1, "deadline": 300.0, "checkpoints": 10, "random_starts": 0}
+    posed.budget("probe", **budget, seconds=1e-9)
+    study = {"tasks": [posed.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
+    (result,) = run_study(**study, results="cells", jobs=1)
+    assert result.measurement is not None, result.reason
+    assert result.measurement.env_steps == 256
+    assert len(result.measurement.curve) == 1
