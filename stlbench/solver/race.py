@@ -176,7 +176,7 @@ class Trainer:
     def race(self) -> Result:
         """The winner's best result; the probe where that is enough. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
-        racing = contestants(self.posed.task, self.clock.minutes)
+        racing = list(contestants(self.posed.task, self.clock.minutes))
         self._limit_probe()
         (best,) = self.train("probe", racing[:1], [FIRST_SEED])
         if best.measurement is None:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import cycle
+from itertools import cycle, islice
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,9 @@ def _drawn(task: Task, generator: np.random.Generator, pieces: int) -> Integers 
             count = min(different, pieces)
             yield _at_random(task, generator, count)[np.arange(pieces) * count // pieces]
 
-    return np.stack([sequence for sequence, _ in zip(sequences(), range(_COPIES), strict=False)])
+    drawn: list[Any] = list(islice(sequences(), _COPIES))
+    generation: Integers | Array = np.stack(drawn)
+    return generation
 
 
 def _at_random(task: Task, generator: np.random.Generator, count: int) -> Integers | Array:
