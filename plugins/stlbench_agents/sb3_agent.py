@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
-from stlbench.contract import ActionGrid, Actions, Agent, Arrays, Cost, Environment, Policy, Training
+from stlbench.contract import ActionGrid, Actions, Arrays, Cost, Environment, Policy, Training
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.recipes import Count, Positive, Share, Whole, Widths
+from stlbench_agents.recipes import Learner, OffPolicy, Whole
 from stlbench_agents.training import box_of, cost_of, grid_of, need_sb3, report_rounds
 
 if TYPE_CHECKING:
@@ -32,21 +32,8 @@ def one_thread() -> Iterator[None]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SB3Agent(Agent):
-    """An algorithm of SB3: the parameters and the training that all have in common. Names and meanings are SB3's."""
-
-    net_arch: Widths = (64, 64)
-    """widths of the hidden layers of each network"""
-    copies: Count = 8
-    """environments in lock-step"""
-    batch_size: Count = 128
-    """transitions in an update"""
-    learning_rate: Positive = 1e-3
-    """of Adam at the start"""
-    learning_rate_final: Positive = 1e-4
-    """at the end; the rate falls geometrically"""
-    gamma: Share = 0.95
-    """discount of a decision, that is, of `hold` steps"""
+class SB3Agent(Learner):
+    """An algorithm of SB3: the training that all have in common. Names and meanings of parameters are SB3's."""
 
     def __post_init__(self) -> None:
         need_sb3()
@@ -138,19 +125,11 @@ class SB3Agent(Agent):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SB3OffPolicy(SB3Agent):
-    """An algorithm of SB3 with a replay. Counts of steps are transitions of all copies together."""
+class SB3OffPolicy(SB3Agent, OffPolicy):
+    """An algorithm of SB3 with a replay."""
 
-    buffer_size: Count = 400_000
-    """transitions kept for replay, all copies together"""
     learning_starts: Whole = 800
     """transitions, with random actions, before the first update"""
-    gradient_steps: Count = 1
-    """updates after each step of all copies"""
-    n_steps: Count = 1
-    """rewards in a return before it bootstraps"""
-    tau: Share = 0.01
-    """weight of the online networks in an update of the targets; 1 copies them"""
 
     @property
     def stored(self) -> int:

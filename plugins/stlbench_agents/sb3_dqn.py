@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from stlbench.contract import Actions, Arrays, Environment, Policy
-from stlbench_agents.recipes import Count, Positive, Share, Whole
+from stlbench_agents.recipes import Count, DeepQ, Whole
 from stlbench_agents.sb3_agent import SB3OffPolicy
 from stlbench_agents.training import grid_of
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SB3DQN(SB3OffPolicy):
+class SB3DQN(DeepQ, SB3OffPolicy):
     """Deep Q-learning as Stable-Baselines3 implements it: a cross-check of `dqn` by code that others wrote.
 
     Where it differs from `dqn`: Huber loss; targets of plain rewards (not weighted by 1 - gamma), so that Q is about
@@ -27,22 +27,9 @@ class SB3DQN(SB3OffPolicy):
     algorithm_name = "DQN"
     takes_grid = True
 
-    copies: Count = 16
-    buffer_size: Count = 65536
     learning_starts: Whole = 100
-    learning_rate_final: Positive = 3e-5
-    n_steps: Count = 3
-    tau: Share = 0.005
     target_update_interval: Count = 1
     """transitions from one update of the target to the next, at least one step of all copies"""
-    exploration_initial_eps: Share = 1.0
-    """probability of random actions at the start"""
-    exploration_final_eps: Share = 0.05
-    """what it falls to, linearly"""
-    exploration_fraction: Share = 0.3
-    """over this share of the budget"""
-    max_grad_norm: Positive = 10.0
-    """the gradient's norm is clipped to this"""
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:

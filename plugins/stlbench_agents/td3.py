@@ -11,48 +11,20 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
-import numpy as np
-
-from stlbench.contract import ActionBox, Actions, Arrays, Cost, Policy, Training
-from stlbench_agents.compiled_code import CompiledAgent
+from stlbench.contract import ActionBox, Actions, Arrays, Cost, Environment, Policy
+from stlbench_agents.lock_step import LockStepAgent, LockStepLearner
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.recipes import Count, NotNegative, Positive, Share, ShareBelow1, Whole, Widths
-from stlbench_agents.training import box_of, cost_of, report_rounds
+from stlbench_agents.recipes import Count, NotNegative, Positive, ShareBelow1, Whole
+from stlbench_agents.training import box_of, cost_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class TD3(CompiledAgent):
-    """Twin delayed deep deterministic policy gradient with a time-aware input.
+class TD3(LockStepAgent):
+    """Twin delayed deep deterministic policy gradient with a time-aware input."""
 
-    Names are those of Stable-Baselines3 where it has the option.
-    """
-
-    net_arch: Widths = (64, 64)
-    """widths of the hidden layers of actor and critics"""
-    copies: Count = 8
-    """environments in lock-step"""
-    batch_size: Count = 128
-    """transitions in an update"""
-    buffer_size: Count = 400_000
-    """transitions kept for replay"""
-    gradient_steps: Count = 1
-    """updates after each step of all copies"""
-    learning_rate: Positive = 1e-3
-    """of Adam at the first update"""
-    learning_rate_final: Positive = 1e-4
-    """at the last update; the rate falls geometrically"""
-    gamma: Share = 0.95
-    """discount of a decision, that is, of `hold` steps. Rewards are weighted by 1 - gamma, so that values keep the
-    scale of the reward; with gamma = 1 they are not"""
-    n_steps: Count = 1
-    """rewards in a return before it bootstraps"""
-    tau: Share = 0.01
-    """weight of the online networks in an update of the targets, one for each `policy_delay` updates"""
     policy_delay: Count = 2
-    """updates of the critics for one of the actor"""
+    """updates of the critics for one of the actor and of the targets"""
     averaging: ShareBelow1 = 0.995
-    """reported policies have an exponential average of the actor's weights, with this weight on the past at each update
-    of the actor; 0: the weights themselves. Actions in training are those of the current weights"""
     target_policy_noise: NotNegative = 0.1
     """standard deviation of the noise on target actions, which lie in [-1, 1]"""
     target_noise_clip: NotNegative = 0.25
@@ -67,7 +39,6 @@ class TD3(CompiledAgent):
     action_penalty: NotNegative = 0.005
     """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
     reward_scale: Positive = 10.0
-    """factor on rewards, which arrive divided by the method's `scale`"""
 
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
@@ -79,44 +50,11 @@ class TD3(CompiledAgent):
         }
     )
 
-    def train(self, training: Training) -> Policy:
-        from stlbench_agents.replay import Replay
+    def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
         from stlbench_agents.td3_learner import TD3Learner  # imports Numba
 
-        environment = training.make(self.copies)
         box, size = box_of(environment.actions), environment.observation_size
-        low = np.array(box.low)
-        span = np.array(box.high) - low
-        shape = (self.copies, len(box.names))
-        rounds = max(1, training.steps // (self.copies * environment.hold))
-        generator = np.random.default_rng(training.seed)
-        updates = (rounds - self.random_steps) * self.gradient_steps
-        learner = TD3Learner(self, size, box, generator, updates)
-        rows = max(self.n_steps + 1, min(rounds, self.buffer_size // self.copies))
-        replay = Replay(rows, self.copies, size, self.n_steps, self.gamma, self.reward_scale, axes=len(box.names))
-        at_first, at_last = self.exploration_noise, self.exploration_noise_final
-        noise = np.linspace(at_first, at_first if at_last is None else at_last, rounds)
-        shares = np.linspace(0.25, 1.75, self.copies)[:, None]
-        reports = report_rounds(rounds, training.checkpoints)
-        observation = environment.reset()
-        for done in range(1, rounds + 1):
-            if done <= self.random_steps:
-                action = generator.uniform(-1, 1, shape)
-            else:
-                action = learner.act(observation, noise[done - 1] * shares * generator.standard_normal(shape))
-            transition = environment.step(low + (action + 1) / 2 * span)
-            replay.add(observation, action, transition)
-            observation = transition.observation
-            learner.note_rewards(transition.reward)
-            if done > self.random_steps and replay.ready:
-                first = replay.draw(generator, self.gradient_steps, self.batch_size)
-                normal = generator.standard_normal((*first.shape, len(box.names)), dtype=np.float32)
-                learner.update(replay.memory, first, self.copies, normal)
-            if done in reports:
-                final = learner.policy(averaged=True)
-                if training.report(final, done * self.copies * environment.hold):
-                    break
-        return final
+        return TD3Learner(self, size, box, environment.count, seed, rounds)
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
@@ -134,4 +72,4 @@ class TD3(CompiledAgent):
     def compile(self) -> None:
         from stlbench_agents.td3_learner import TD3Learner
 
-        TD3Learner(self, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1).compile()
+        TD3Learner(self, 1, ActionBox(("a",), (-1.0,), (1.0,)), 1, 0, 1).compile()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Array, Integers
+from stlbench.contract import ActionBox, Array, Integers, Transition
 from stlbench_agents.actor_critic import Networks, Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.kernels import compiled, fixed_types
 from stlbench_agents.layers import OutputBuffers, outputs_at, size_of, views
@@ -32,13 +32,16 @@ class Schedule(NamedTuple):
 
 
 class TD3Learner:
-    def __init__(self, recipe: TD3, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int) -> None:
-        """Args: `inputs` D; `generator` of the initial weights; `updates` in all, for the learning rate."""
-        self.box, self.networks = box, Networks.of(inputs, recipe.net_arch, len(box.names))
-        self.actor = Weights.of(_initial(generator, self.networks.actor, last=0.1))
-        self.critics = Weights.of(
-            np.concatenate([_initial(generator, self.networks.critics[0], last=1.0) for _ in range(2)])
-        )
+    def __init__(self, recipe: TD3, inputs: int, box: ActionBox, copies: int, seed: int, rounds: int) -> None:
+        """Args: `inputs` D; `copies` in lock-step; `rounds`, their steps in all, for what changes over the training."""
+        axes = len(box.names)
+        self.recipe, self.box, self.networks = recipe, box, Networks.of(inputs, recipe.net_arch, axes)
+        self._low: Array = np.array(box.low)
+        self._span: Array = np.array(box.high) - self._low
+        self._generator = np.random.default_rng(seed)
+        self.actor = Weights.of(self._initial(self.networks.actor, last=0.1))
+        self.critics = Weights.of(np.concatenate([self._initial(self.networks.critics[0], last=1.0) for _ in range(2)]))
+        updates = (rounds - recipe.random_steps) * recipe.gradient_steps
         self.schedule = Schedule(
             recipe.learning_rate,
             decay(recipe.learning_rate, recipe.learning_rate_final, updates),
@@ -49,60 +52,83 @@ class TD3Learner:
             recipe.target_policy_noise,
             recipe.target_noise_clip,
         )
-        self._scale, self._count = recipe.reward_scale, 0
+        rows = max(recipe.n_steps + 1, min(rounds, recipe.buffer_size // copies))
+        self.replay = Replay(rows, copies, inputs, recipe.n_steps, recipe.gamma, recipe.reward_scale, axes=axes)
+        first, last = recipe.exploration_noise, recipe.exploration_noise_final
+        self._noise = np.linspace(first, first if last is None else last, rounds)
+        self._shares = np.linspace(0.25, 1.75, copies)[:, None]
+        self._copies, self._done, self._count = copies, 0, 0
         bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
         self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
-        self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
+        self._batch = Batch.of(recipe.batch_size, inputs, axes)
         self._output_buffers = OutputBuffers.of(self.networks.actor, 1)
         self._buffers = TD3Buffers.of(self.networks, recipe.batch_size)
         self._update = fixed_types(_update)
 
-    def compile(self) -> None:
-        size, axes = int(self.networks.actor[0, 1]), len(self.box.names)
-        self.act(np.zeros((1, size)), np.zeros((1, axes)))
-        rows = (1, len(self._batch.returns))
-        memory = Replay(2, 1, size, 1, 0.0, axes=axes).memory
-        self.update(memory, np.zeros(rows, np.int64), 1, np.zeros((*rows, axes), np.float32))
+    def _initial(self, layers: Indices, last: float) -> Floats:
+        """Uniform in 1/sqrt(inputs), the last layer in `last` times that, biases 0."""
+        flat = np.zeros(size_of(layers), np.float32)
+        matrices = views(flat, layers)[::2]
+        for matrix in matrices:
+            final = matrix is matrices[-1]
+            bound = (last if final else 1.0) / math.sqrt(matrix.shape[1 if final else 0])
+            matrix[:] = self._generator.uniform(-bound, bound, matrix.shape)
+        return flat
 
-    def policy(self, averaged: bool = False) -> ActorPolicy:
-        parts = views(self.actor.average if averaged else self.actor.online, self.networks.actor)
-        hidden = list(zip(parts[:-2:2], parts[1:-2:2], strict=True))
-        return ActorPolicy([*hidden, (parts[-2].T, parts[-1])], self.box, "relu", squashed=True)
+    def act(self, observation: Array) -> Array:
+        shape = (self._copies, len(self.box.names))
+        if self._done < self.recipe.random_steps:
+            self._action = self._generator.uniform(-1, 1, shape)
+        else:
+            noise = self._noise[self._done] * self._shares * self._generator.standard_normal(shape)
+            self._action = self.explored(observation, noise)
+        self._done += 1
+        return self._low + (self._action + 1) / 2 * self._span
 
-    def act(self, observation: Array, noise: Array) -> Array:
+    def explored(self, observation: Array, noise: Array) -> Array:
         """The actor's actions at observations (N, D) with noise (N, axes) added, within [-1, 1]: (N, axes)."""
         self._output_buffers = self._output_buffers.fit(self.networks.actor, len(observation))
         vectors = np.empty(noise.shape)
         _act(self.actor.online, self.networks.actor, observation, noise, self._output_buffers, vectors)
         return vectors
 
+    def learn(self, observation: Array, action: Array, transition: Transition) -> None:
+        """Store the step; of the actions those that `act` has kept, in [-1, 1]."""
+        self.replay.add(observation, self._action, transition)
+        self.note_rewards(transition.reward)
+        if self._done > self.recipe.random_steps and self.replay.ready:
+            first = self.replay.draw(self._generator, self.recipe.gradient_steps, self.recipe.batch_size)
+            shape = (*first.shape, len(self.box.names))
+            self.update(first, self._generator.standard_normal(shape, dtype=np.float32))
+
     def note_rewards(self, reward: Array) -> None:
         """Widen the bounds by rewards (N,). A value is a weighted mean of rewards, and so lies within them."""
         rewards = reward.tolist()  # of few copies: faster than NumPy's minimum and maximum
-        least, most = self._scale * min(rewards), self._scale * max(rewards)
+        scale = self.recipe.reward_scale
+        least, most = scale * min(rewards), scale * max(rewards)
         self.bounds = min(self.bounds[0], least), max(self.bounds[1], most)
 
-    def update(self, memory: Memory, first: Integers, copies: int, normal: Floats) -> None:
-        """One update for each row of `first` (updates, B), from the transitions that begin there.
+    def update(self, first: Integers, normal: Floats) -> None:
+        """One update for each row of `first` (updates, B), from the transitions of the replay that begin there.
 
-        `copies` is the distance to a copy's next transition. `normal` (updates, B, axes) is noise on target actions.
+        `normal` (updates, B, axes) is noise on target actions.
         """
         self._update(
-            self.actor, self.critics, self.networks, memory, first, copies, normal, self.schedule,
+            self.actor, self.critics, self.networks, self.replay.memory, first, self._copies, normal, self.schedule,
             self.bounds, self._count, self._batch, self._buffers,
         )  # fmt: skip
         self._count += len(first)
 
+    def compile(self) -> None:
+        rows, axes = (1, self.recipe.batch_size), len(self.box.names)
+        self.explored(np.zeros((1, self.replay.memory.observation.shape[1])), np.zeros((1, axes)))
+        self.update(np.zeros(rows, np.int64), np.zeros((*rows, axes), np.float32))
 
-def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Floats:
-    """Uniform in 1/sqrt(inputs), the last layer in `last` times that, biases 0."""
-    flat = np.zeros(size_of(layers), np.float32)
-    matrices = views(flat, layers)[::2]
-    for matrix in matrices:
-        final = matrix is matrices[-1]
-        bound = (last if final else 1.0) / math.sqrt(matrix.shape[1 if final else 0])
-        matrix[:] = generator.uniform(-bound, bound, matrix.shape)
-    return flat
+    def policy(self) -> ActorPolicy:
+        """That of the averaged weights."""
+        parts = views(self.actor.average, self.networks.actor)
+        hidden = list(zip(parts[:-2:2], parts[1:-2:2], strict=True))
+        return ActorPolicy([*hidden, (parts[-2].T, parts[-1])], self.box, "relu", squashed=True)
 
 
 @compiled

@@ -1,8 +1,8 @@
-"""Shared by agents: reports, costs, kinds of actions, libraries, counterfactual transitions."""
+"""Shared by agents: reports, costs, kinds of actions, libraries."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
@@ -10,18 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stlbench.contract import (
-    ActionBox,
-    ActionGrid,
-    Actions,
-    Array,
-    Cost,
-    CounterfactualEnvironment,
-    Environment,
-    Integers,
-    Transition,
-    Unsuitable,
-)
+from stlbench.contract import ActionBox, ActionGrid, Actions, Cost, Unsuitable
 
 
 def report_rounds(rounds: int, checkpoints: int) -> set[int]:
@@ -76,23 +65,3 @@ def need_onnx() -> Any:
 def _need(module: str, title: str, extra: str = "sb3") -> None:
     if find_spec(module) is None:
         raise Unsuitable(f'it needs {title}: pip install "stlbench-rl[{extra}]"')
-
-
-class Counterfactuals:
-    """Adds the counterfactual transitions of an environment, if it and the recipe have any."""
-
-    def __init__(self, environment: Environment, times: int, seed: int) -> None:
-        self._environment: CounterfactualEnvironment | None = None
-        if times and isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals:
-            self._environment = environment
-        self._times, self._generator = times, np.random.default_rng([seed, 1, 1])
-        self.copies = environment.count * (1 + times if self._environment else 1)
-
-    def added(self, observation: Array, action: Integers, transition: Transition) -> tuple[Array, Integers, Transition]:
-        """A lock-step of N copies (N, D), (N,), followed by the counterfactual ones: `copies` rows each."""
-        if self._environment is None:
-            return observation, action, transition
-        drawn = [self._environment.counterfactual(self._generator) for _ in range(self._times)]
-        columns: Iterable[Any] = zip(transition, *(after for _, after in drawn), strict=True)
-        observations = np.concatenate([observation, *(before for before, _ in drawn)])
-        return observations, np.tile(action, 1 + self._times), Transition(*map(np.concatenate, columns))

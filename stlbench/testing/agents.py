@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
 
@@ -23,14 +22,14 @@ from stlbench.contract import (
     cause,
 )
 from stlbench.errors import UsageError
-from stlbench.registry import choices, plugins
-from stlbench.registry.choices import Choice, parse_choice
+from stlbench.registry import choices
+from stlbench.registry.choices import Choice
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import record
 from stlbench.task import Task
 from stlbench.testing.line import FORMS, Form, Nearness, line_task
-from stlbench.testing.rules import RuleBroken, Rules
+from stlbench.testing.rules import RuleBroken, Rules, made
 
 _HOLD = "hold"  # a parameter of the task that a search space may have
 
@@ -53,13 +52,13 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
         Unsuitable: the agent cannot train on any of the tasks, or on this machine; no rule is broken.
         UsageError: no such agent, or a wrong parameter; the message says what there is.
     """
-    rules, made = rules or Rules(), _made(agent)
-    _check_search_space(made, rules)
-    compile_it = made.uncompiled()
+    rules, made_agent = rules or Rules(), made("agents", agent)
+    _check_search_space(made_agent, rules)
+    compile_it = made_agent.uncompiled()
     rules.keep(compile_it is None or callable(compile_it), "uncompiled is None or can be called", compile_it)
     if compile_it is not None:
         compile_it()
-    refusals = [refusal for form in FORMS if (refusal := _refusal(made, form, rules)) is not None]
+    refusals = [refusal for form in FORMS if (refusal := _refusal(made_agent, form, rules)) is not None]
     if len(refusals) == len(FORMS):
         raise refusals[0]
 
@@ -76,10 +75,6 @@ def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
         raise RuleBroken(f"rule broken: {rule}; got {cause(error)}") from error
     rules.keep(True, rule, None)
     return None
-
-
-def _made(agent: type[Agent] | str) -> Agent:
-    return agent() if not isinstance(agent, str) else cast(Agent, plugins.build("agents", parse_choice(agent)))
 
 
 def _check_search_space(agent: Agent, rules: Rules) -> None:

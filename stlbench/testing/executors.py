@@ -10,14 +10,12 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import psutil
 
 from stlbench.contract import Executor, Outcome, Work
-from stlbench.registry import plugins
-from stlbench.registry.choices import executor_of
-from stlbench.testing.rules import Rules
+from stlbench.testing.rules import Rules, made
 
 _PATIENCE = 600.0  # deadline, in seconds, of items that end by themselves
 _SHORT = 3.0  # deadline of the item that sleeps for `_LONG`
@@ -28,14 +26,18 @@ Place = tuple[str, int]
 
 
 class _Item(NamedTuple):
-    """A worker's order: "return", "raise", "sleep", "exit", "change", "look" or "leave"."""
+    """A worker's order: "return", "raise", "sleep", "exit", "place", "change", "look" or "leave"."""
 
     what: str
     number: int = 0
 
 
+_APART = ("place", "change", "look", "leave")
+_ACCIDENTS = (_Item("raise", 7), _Item("exit", 3), _Item("sleep"), _Item("exit", 0), *[_Item("return", 1)] * 3)
+
+
 def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -> None:
-    """Check an executor on small items, with one and with two jobs. It takes about 10 seconds on a machine at rest.
+    """Check an executor on small items, with one and with two jobs. It takes some seconds on a machine at rest.
 
     The rules: each item has one outcome, with its value; with one job they come in order; an item that raises, passes
     its deadline or ends its process is told as that, in one line, and leaves the others alone; items run in another
@@ -50,21 +52,15 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
         AssertionError: the rule that is broken.
         UsageError: no such executor, or a wrong parameter; the message says what there is.
     """
-    rules, one, two = rules or Rules(), _made(executor, 1), _made(executor, 2)
+    rules, one, two = rules or Rules(), made("executors", executor, jobs=1), made("executors", executor, jobs=2)
     rules.keep(list(one.run(_work, [], [])) == [], "no items have no outcomes", "some")
-    _check_values(one, two, rules)
-    _check_raise(two, rules)
-    _check_apart(one, rules)
-    _check_changes(one, rules)
-    _check_left(one, rules)
-    _check_accidents(two, rules)
+    in_order = _run(one, [*(_Item("return", 10 * number) for number in range(4)), *map(_Item, _APART)])
+    together = sorted(_run(two, _ACCIDENTS, [_PATIENCE, _PATIENCE, _SHORT, *[_PATIENCE] * 4]), key=lambda o: o.index)
+    _check_values(in_order, together, rules)
+    _check_raise(together[0], rules)
+    _check_apart(*in_order[4:], rules)
+    _check_accidents(together[1:], rules)
     _check_close(two, rules)
-
-
-def _made(executor: type[Executor] | str, jobs: int) -> Executor:
-    if not isinstance(executor, str):
-        return executor(jobs=jobs)
-    return cast(Executor, plugins.build("executors", executor_of(executor), defaults={"jobs": jobs}))
 
 
 def _work(item: _Item, home: Place = ("", 0)) -> Any:
@@ -96,64 +92,46 @@ def _place() -> Place:
 
 
 def _run(executor: Executor, items: Sequence[_Item], deadlines: Sequence[float] = ()) -> list[Outcome]:
-    function = partial(_work, home=_place())
-    return list(executor.run(function, items, deadlines or [_PATIENCE] * len(items)))
+    work = Work(partial(_work, home=_place()), facts=_facts)
+    return list(executor.run(work, items, deadlines or [_PATIENCE] * len(items)))
 
 
-def _check_values(one: Executor, two: Executor, rules: Rules) -> None:
-    items = [_Item("return", 10 * number) for number in range(4)]
-    in_order, together = _run(one, items), _run(two, items)
+def _check_values(in_order: Sequence[Outcome], together: Sequence[Outcome], rules: Rules) -> None:
     indices = [outcome.index for outcome in in_order]
-    rules.keep(indices == [0, 1, 2, 3], "with one job, items end in their order", indices)
-    found = sorted(outcome.index for outcome in together)
-    rules.keep(found == [0, 1, 2, 3], "each item has one outcome", found)
-    for outcome in (*in_order, *together):
+    rules.keep(indices == list(range(4 + len(_APART))), "with one job, items end in their order", indices)
+    found = [outcome.index for outcome in together]
+    rules.keep(found == list(range(len(_ACCIDENTS))), "each item has one outcome", found)
+    for outcome in in_order[:4]:
         rules.keep(outcome.status == "done", "an item that returns is done", outcome)
         rules.keep(outcome.value == 10 * outcome.index, "an outcome has the value of its own item", outcome)
 
 
-def _check_raise(executor: Executor, rules: Rules) -> None:
-    raised, *others = sorted(_run(executor, [_Item("raise", 7), *[_Item("return", 1)] * 3]), key=lambda o: o.index)
+def _check_raise(raised: Outcome, rules: Rules) -> None:
     rules.keep(raised.status == "raised", "an item that raises has raised", raised)
     said = raised.reason.startswith("ValueError: item 7") and "\n" not in raised.reason
     rules.keep(said, "the exception is the reason, in one line", repr(raised.reason))
     rules.keep("_work" in raised.details, "the traceback is in the details", repr(raised.details))
-    rules.keep(_done(others, 3), "a raise leaves the other items alone", others)
 
 
-def _check_apart(executor: Executor, rules: Rules) -> None:
-    (outcome,) = executor.run(Work(_work, facts=_facts), [_Item("place")], [_PATIENCE])
-    rules.keep(tuple(outcome.value) != _place(), "items run in another process than the caller's", outcome.value)
-    said = _facts() if outcome.facts is None else outcome.facts or None
-    right = said in (None, {"host": outcome.value[0]})
-    rules.keep(right, "`Outcome.facts` are of the machine on which the item ran, None of the caller's", outcome.facts)
-
-
-def _check_changes(executor: Executor, rules: Rules) -> None:
-    *_, seen = _run(executor, [_Item("change"), _Item("look")])
-    rules.keep(seen.value is None, "what an item changes in its process, the next one does not see", seen.value)
-
-
-def _check_left(executor: Executor, rules: Rules) -> None:
-    (outcome,) = _run(executor, [_Item("leave")])
-    host, process = outcome.value
+def _check_apart(placed: Outcome, changed: Outcome, looked: Outcome, left: Outcome, rules: Rules) -> None:
+    rules.keep(tuple(placed.value) != _place(), "items run in another process than the caller's", placed.value)
+    said = _facts() if placed.facts is None else placed.facts or None
+    right = said in (None, {"host": placed.value[0]})
+    rules.keep(right, "`Outcome.facts` are of the machine on which the item ran, None of the caller's", placed.facts)
+    kept = changed.status == "done" and looked.value is None
+    rules.keep(kept, "what an item changes in its process, the next one does not see", looked.value)
+    host, process = left.value
     over = host != socket.gethostname() or not psutil.pid_exists(process)
     rules.keep(over, "a process that an item has started ends with it", f"process {process} goes on")
 
 
-def _check_accidents(executor: Executor, rules: Rules) -> None:
-    items = [_Item("exit", 3), _Item("sleep"), _Item("exit", 0), *[_Item("return", 1)] * 3]
-    ended = sorted(_run(executor, items, [_PATIENCE, _SHORT, *[_PATIENCE] * 4]), key=lambda o: o.index)
-    rules.keep(len(ended) == len(items), "each item has one outcome", ended)
+def _check_accidents(ended: Sequence[Outcome], rules: Rules) -> None:
     killed, late, quiet, *others = ended
     for gone in (killed, quiet):
         rules.keep(gone.status == "killed" and gone.reason != "", "an item that ends its process is killed", gone)
     rules.keep(late.status == "timeout", "an item is stopped at its deadline, as timeout", late)
-    rules.keep(_done(others, 3), "such accidents leave the other items alone", others)
-
-
-def _done(outcomes: Sequence[Outcome], count: int) -> bool:
-    return [outcome.status for outcome in outcomes] == ["done"] * count
+    done = [outcome.status for outcome in others] == ["done"] * 3
+    rules.keep(done, "such accidents leave the other items alone", others)
 
 
 def _check_close(executor: Executor, rules: Rules) -> None:

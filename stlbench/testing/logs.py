@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
-from stlbench.registry import plugins
-from stlbench.registry.choices import executor_of
-from stlbench.testing.rules import Rules
+from stlbench.testing.rules import Rules, made
 
 _LONG = 30.0  # seconds that one call may take
 _CELLS = ("hold-disc/funnel/dqn/0", "overlap[without=cuts]/funnel[ginf=0.02,t_star=1]/dqn/1/tuned", "a/b/c/2")
@@ -37,28 +34,27 @@ def check_log(log: type[RunLog] | str, rules: Rules | None = None) -> None:
     """
     rules = rules or Rules()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        _play(_made(log), folder, (), (), "it takes a run of no cells", rules)
-        points = [LoggedCheckpoint(cell, 1000 * i, 0.5, -0.1 * i) for i in (1, 2, 3) for cell in _CELLS[:2]]
-        ends = [_done(_CELLS[0]), _done(_CELLS[1]), LoggedCell(_CELLS[2], "quick", "raised", "ValueError: no")]
-        said = "it takes checkpoints of several cells in turn, and how they ended"
-        _play(_made(log), folder, points, ends, said, rules)
-        _play(_made(log), folder, points, ends, "it takes the same cells again, in a second run", rules)
-        odd = [LoggedCheckpoint(_CELLS[0], 1000, math.nan, -math.inf)]
-        lost = LoggedCell(_CELLS[0], "quick", "done", "", {"robustness": math.nan, "new": 1.0}, tuple(odd))
-        _play(_made(log), folder, odd, [lost], "it takes numbers that are none, and others than today's", rules)
-        _play(_made(log), folder, points, [], "it takes a run that ends before its cells do", rules)
-        bare = [LoggedCell(_CELLS[0], "quick", "done")]
-        _play(_made(log), folder, [], bare, "it takes a cell of which there was no checkpoint", rules)
+        for rule, points, ends in _runs():
+            _play(made("logs", log), Path(name), points, ends, rule, rules)
+
+
+def _runs() -> Iterator[tuple[str, Sequence[LoggedCheckpoint], Sequence[LoggedCell]]]:
+    """Rules, and the checkpoints and ends of a run that each is about."""
+    yield "it takes a run of no cells", (), ()
+    points = [LoggedCheckpoint(cell, 1000 * i, 0.5, -0.1 * i) for i in (1, 2, 3) for cell in _CELLS[:2]]
+    ends = [_done(_CELLS[0]), _done(_CELLS[1]), LoggedCell(_CELLS[2], "quick", "raised", "ValueError: no")]
+    yield "it takes checkpoints of several cells in turn, and how they ended", points, ends
+    yield "it takes the same cells again, in a second run", points, ends
+    odd = LoggedCheckpoint(_CELLS[0], 1000, math.nan, -math.inf)
+    lost = LoggedCell(_CELLS[0], "quick", "done", "", {"robustness": math.nan, "new": 1.0}, (odd,))
+    yield "it takes numbers that are none, and others than today's", [odd], [lost]
+    yield "it takes a run that ends before its cells do", points, []
+    yield "it takes a cell of which there was no checkpoint", [], [LoggedCell(_CELLS[0], "quick", "done")]
 
 
 def _done(cell: str) -> LoggedCell:
     curve = tuple(LoggedCheckpoint(cell, 1000 * i, 0.5, 0.1 * i) for i in (1, 2, 3, 4))
     return LoggedCell(cell, "quick", "done", "", _NUMBERS, curve)
-
-
-def _made(log: type[RunLog] | str) -> RunLog:
-    return cast(RunLog, plugins.build("logs", executor_of(log))) if isinstance(log, str) else log()
 
 
 def _play(

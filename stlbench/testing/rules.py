@@ -9,6 +9,15 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, Truth
 from stlbench.errors import one_line
+from stlbench.registry import plugins
+from stlbench.registry.choices import executor_of, parse_choice
+
+
+def made(kind: str, plugin: type[Any] | str, **defaults: Any) -> Any:
+    """A plugin of a kind, by its class or by its name with parameters. Raises `UsageError` where there is none."""
+    if not isinstance(plugin, str):
+        return plugin(**defaults)
+    return plugins.build(kind, parse_choice(plugin) if kind == "agents" else executor_of(plugin), defaults=defaults)
 
 
 class RuleBroken(AssertionError):

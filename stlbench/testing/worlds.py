@@ -6,7 +6,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, World
-from stlbench.rollout import controller, referee
+from stlbench.rollout import referee
 from stlbench.rollout.early_ends import without_end
 from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
@@ -114,15 +114,3 @@ def _check_restart(task: Task, rules: Rules, world: World, begun: Array) -> None
     world.restart(np.array([0]), begun[:1])
     rules.keep(np.array_equal(world.signals[0], first[0]), "a row begins where its start says", world.signals[0])
     rules.keep(np.array_equal(world.signals[1:], others), "the other rows go on", world.signals[1:])
-
-
-def check_controller(task: Task, rules: Rules) -> None:
-    """The rules of a controller by hand, for a task that has one."""
-    found = controller.record(task, task.starts.report_and_selection()[0][:8])
-    if found is None:
-        return
-    traces = found.traces
-    rules.keep(bool(np.isfinite(traces[:, 0]).all()), "the controller's samples are finite", traces[:, 0])
-    score = referee.score(task, traces)
-    rule = "the controller satisfies the formula from some starts"
-    rules.keep(any(score.satisfied), rule, f"robustness {score.robustness}")

@@ -54,6 +54,7 @@ for module in (llvm_kernels, layers, engine, optimizer, replay, q_learner):
 """
 
 
+@pytest.mark.slow
 def test_no_function_is_compiled_for_two_kinds_of_arguments(tmp_path: Path) -> None:
     """A plain 0 is a type of its own, and a call with it compiles a function again, which only a clock would tell."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
@@ -61,14 +62,6 @@ def test_no_function_is_compiled_for_two_kinds_of_arguments(tmp_path: Path) -> N
     counts = dict(line.split() for line in done.stdout.splitlines())
     assert counts["inner_product"] == counts["gather"] == counts["_update_additive"] == "1"
     assert set(counts.values()) <= {"0", "1"}  # 0: what became a part of others
-
-
-def test_an_agent_without_compiled_code_has_nothing_to_compile() -> None:
-    class Plain(Agent):
-        def train(self, training):  # type: ignore[no-untyped-def]
-            raise NotImplementedError
-
-    assert Plain().uncompiled() is None
 
 
 def test_where_nothing_can_be_kept_it_is_compiled_each_time(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

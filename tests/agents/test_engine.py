@@ -118,64 +118,36 @@ class TestGradient:
     @doubles
     def test_against_autograd_in_double_precision(self, shape: plain_q.Shape, double: bool) -> None:
         """Rounding is 1e-16 an operation: 1e-12 leaves room for sums in any order and for nothing else."""
-        for seed in range(3):
-            of = case(shape, double, seed=seed)
+        for seed, rows in enumerate((ROWS, ROWS, 1)):
+            of = case(shape, double, rows, seed=seed)
             assert furthest(computed(of), plain(shape, of)) < 1e-12
 
     @shapes
     @doubles
-    def test_against_autograd_in_single_precision(self, shape: plain_q.Shape, double: bool) -> None:
+    def test_in_single_precision_nothing_else_is_written_or_read(self, shape: plain_q.Shape, double: bool) -> None:
         """Sums of at most 48 products, a layer upon a layer: 1e-5 is a hundred roundings (of 6e-8) and more.
 
         A bootstrap action that the two precisions choose differently, or a ReLU that one has on and the other off,
-        would differ by more; with these seeds no row is that close.
+        would differ by more; with these seeds no row is that close. Work that was done before leaves the bits alone.
         """
-        of = case(shape, double, dtype=np.float32)
-        ours = computed(of)
-        assert ours.dtype == np.float32
-        assert furthest(ours, plain(shape, of)) < 1e-5
-
-    @shapes
-    def test_the_choice_of_the_bootstrap_action_matters_here(self, shape: plain_q.Shape) -> None:
-        """Else the tests above would not tell double Q-learning from plain."""
-        assert furthest(computed(case(shape, True)), computed(case(shape, False))) > 1e-3
-
-    @shapes
-    @doubles
-    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-    def test_a_batch_of_one(self, shape: plain_q.Shape, double: bool, dtype: type) -> None:
-        for seed in range(3):
-            of = case(shape, double, 1, dtype, seed)
-            assert furthest(computed(of), plain(shape, of)) < (1e-12 if dtype is np.float64 else 1e-5)
+        of, other = case(shape, double, dtype=np.float32), case(shape, not double, dtype=np.float32, seed=1)
+        before = [part.tobytes() for part in of.arrays]
+        fresh = computed(of)
+        assert fresh.dtype == np.float32
+        assert furthest(fresh, plain(shape, of)) < 1e-5
+        assert [part.tobytes() for part in of.arrays] == before
+        work = poisoned(of.network, ROWS, np.float32)
+        computed(other, work)
+        assert np.array_equal(computed(of, work), fresh)
 
     @shapes
     @doubles
     def test_of_many_rows_is_the_mean_of_those_of_one(self, shape: plain_q.Shape, double: bool) -> None:
-        of = case(shape, double)
-        rows = [of._replace(**{name: getattr(of, name)[i : i + 1] for name in Case._fields[3:8]}) for i in range(ROWS)]
+        """With double Q-learning and without it are not the same, or the tests could not tell them apart."""
+        of = case(shape, double, 12)
+        rows = [of._replace(**{name: getattr(of, name)[i : i + 1] for name in Case._fields[3:8]}) for i in range(12)]
         assert furthest(computed(of), np.mean([computed(row) for row in rows], axis=0)) < 1e-12
-
-    @shapes
-    @doubles
-    def test_nothing_else_is_written(self, shape: plain_q.Shape, double: bool) -> None:
-        of = case(shape, double, dtype=np.float32)
-        before = [part.tobytes() for part in of.arrays]
-        computed(of)
-        assert len(before) == 9
-        assert [part.tobytes() for part in of.arrays] == before
-
-    @shapes
-    @doubles
-    def test_what_the_workspace_was_used_for_before_makes_no_difference(
-        self, shape: plain_q.Shape, double: bool
-    ) -> None:
-        of, other = case(shape, double, dtype=np.float32), case(shape, not double, dtype=np.float32, seed=1)
-        fresh = computed(of)
-        assert np.isfinite(fresh).all()
-        work = poisoned(of.network, ROWS, np.float32)
-        computed(other, work)
-        assert np.array_equal(computed(of, work), fresh)
-        assert np.array_equal(computed(of, work), fresh)
+        assert furthest(computed(case(shape, True)), computed(case(shape, False))) > 1e-3
 
     def test_by_hand(self) -> None:
         """One hidden unit, two actions, one row.
@@ -247,25 +219,6 @@ class TestAdam:
         adam(weights, slope, np.zeros(4, dtype), np.zeros(4, dtype), 0.25, 1, 1.0)
         assert weights == pytest.approx([0.75, 1.25, 0.875, 1], abs=1e-6)
 
-    def test_every_step_on_a_constant_gradient_is_the_rate(self) -> None:
-        weights, mean, square, places = np.zeros(1), np.zeros(1), np.zeros(1), [0.0]
-        for count in range(1, 50):
-            adam(weights, np.array([-3.0]), mean, square, 0.01 / count, count, 1.0)
-            places.append(float(weights[0]))
-        assert np.diff(places) == pytest.approx([0.01 / count for count in range(1, 50)], rel=1e-7)
-
-    def test_the_norm_is_clipped_and_a_smaller_one_is_not(self) -> None:
-        """After one step the first moment is a tenth of the clipped gradient. (3, 4) has norm 5."""
-        for max_norm, expected in ((10.0, [0.3, 0.4]), (5.1, [0.3, 0.4]), (2.5, [0.15, 0.2])):
-            slope, mean = np.array([3.0, 4.0]), np.zeros(2)
-            adam(np.zeros(2), slope, mean, np.zeros(2), 0.1, 1, clipping(slope, max_norm))
-            assert mean == pytest.approx(expected, rel=1e-6)
-
-    def test_the_gradient_is_not_changed(self) -> None:
-        slope = np.array([3, 4], np.float32)
-        adam(np.zeros(2, np.float32), slope, np.zeros(2, np.float32), np.zeros(2, np.float32), 0.1, 1, 0.2)
-        assert slope.tolist() == [3, 4]
-
     @pytest.mark.parametrize("first", [1.0, -1.0, 0.0, 1e-12, -5e-18])
     def test_moments_of_a_weight_without_gradient_do_not_become_denormal(self, first: float) -> None:
         """.9^850 is 1e-39: without care the first moment is denormal from there on, the second where g is 5e-18."""
@@ -274,38 +227,16 @@ class TestAdam:
         for count in range(1, 2001):
             adam(weights, slope, mean, square, 1e-3, count, 1.0)
             slope[:] = 0
-            for moment in (mean, square):
+            for moment in (mean, square) if count % 10 == 0 else ():
                 small = (moment != 0) & (np.abs(moment) < least)
                 assert not small.any(), (count, moment[small])
             if count == 200:
                 settled = weights.copy()
         assert weights == pytest.approx(settled, rel=0, abs=1e-9)
 
-    def test_a_weight_whose_gradient_comes_back_moves_as_with_torch(self) -> None:
-        weights, mean, square = np.zeros(8, np.float32), np.zeros(8, np.float32), np.zeros(8, np.float32)
-        theirs = torch.zeros(8, dtype=torch.float64, requires_grad=True)
-        reference = torch.optim.Adam([theirs], lr=1e-3)
-        for count in range(1, 1502):
-            slope = np.full(8, 0.1 if count in (1, 1501) else 0, np.float32)
-            adam(weights, slope, mean, square, 1e-3, count, 1.0)
-            theirs.grad = torch.tensor(slope).double()
-            reference.step()
-            if count == 1500:
-                before = weights.copy()
-        assert np.abs(weights - before).min() > 1e-3
-        assert weights == pytest.approx(theirs.detach().numpy(), rel=1e-4)
-
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 class TestBlend:
-    def test_a_step_by_hand(self, dtype: Any) -> None:
-        into, weights = np.array([0, 4, -2], dtype), np.array([8, 4, 2], dtype)
-        blend(into, weights, 0.25)
-        assert into.tolist() == [2, 4, -1]
-        blend(into, weights, 0.5)
-        assert into.tolist() == [5, 4, 0.5]
-        assert weights.tolist() == [8, 4, 2]
-
     def test_many_steps_are_a_geometric_average(self, dtype: Any) -> None:
         generator = np.random.default_rng(0)
         into, history = np.ones(50, dtype), generator.normal(size=(200, 50)).astype(dtype)
@@ -316,18 +247,14 @@ class TestBlend:
         assert np.abs(expected - 1).max() > 0.5
         assert into == pytest.approx(expected, rel=0, abs=1e-13 if dtype is np.float64 else 1e-6)
 
-    def test_a_share_of_1_copies(self, dtype: Any) -> None:
-        generator = np.random.default_rng(1)
-        into, weights = generator.normal(size=(2, 1000)).astype(dtype)
+    def test_a_share_of_1_copies_and_one_of_0_changes_nothing(self, dtype: Any) -> None:
+        into, weights = np.random.default_rng(1).normal(size=(2, 1000)).astype(dtype)
         weights[:3] = 0, 1e-20, 1e20
-        blend(into, weights, 1.0)
-        assert np.array_equal(into, weights)
-
-    def test_a_share_of_0_changes_nothing(self, dtype: Any) -> None:
-        into, weights = np.random.default_rng(2).normal(size=(2, 100)).astype(dtype)
         before = into.copy()
         blend(into, weights, 0.0)
         assert np.array_equal(into, before)
+        blend(into, weights, 1.0)
+        assert np.array_equal(into, weights)
 
 
 class TestStep:
@@ -361,20 +288,18 @@ class TestBestActions:
     @shapes
     def test_against_an_enumeration(self, shape: plain_q.Shape) -> None:
         drawn = set()
-        for seed in range(5):
-            of = case(shape, True, 100, seed=seed)
+        for seed in range(3):
+            of = case(shape, True, 60, seed=seed)
             found = greedy_actions(of.online, of.network, of.observation)
             q = plain_q.all_q(shape, torch.tensor(of.online), torch.tensor(of.observation)).numpy()
             assert found.dtype == np.int64
             assert np.array_equal(found, q.argmax(axis=1))
+            single, fine = of.online.astype(np.float32), of.observation.astype(np.float32).astype(np.float64)
+            policy = policy_of(shape, single)
+            assert np.array_equal(policy.act(fine), greedy_actions(single, of.network, fine.astype(np.float32)))
+            assert policy.act(fine * (1 + 1e-9)).tolist() == [policy.act(row[None]).item() for row in fine]
             drawn |= set(found)
         assert len(drawn) > 3
-
-    @shapes
-    def test_observations_in_double_precision_are_rounded_to_that_of_the_weights(self, shape: plain_q.Shape) -> None:
-        of = case(shape, True, 400, np.float32)
-        fine = of.observation.astype(np.float64) * (1 + 1e-9)
-        assert np.array_equal(greedy_actions(of.online, of.network, fine), greedy_actions(*of[:1], *of[2:4]))
 
     @pytest.mark.parametrize("grid", GRIDS)
     @pytest.mark.parametrize("head", ["joint", "additive"])
@@ -398,10 +323,3 @@ class TestBestActions:
         assert ((q == q.max(axis=1, keepdims=True)).sum(axis=1) > 1).mean() > 0.2
         assert np.array_equal(found, q.argmax(axis=1))
         assert np.array_equal(policy_of(shape, flat).act(x.astype(np.float64)), found)
-
-    @pytest.mark.parametrize("head", ["joint", "additive"])
-    def test_of_nothing_but_equals_the_first(self, head: Head) -> None:
-        shape = plain_q.Shape(INPUTS, (4,), (3, 2), head)
-        flat, x = np.zeros(sum(math.prod(part) for part in shape.weights), np.float32), np.ones((2, 5), np.float32)
-        assert greedy_actions(flat, engine_of(shape), x).tolist() == [0, 0]
-        assert policy_of(shape, flat).act(x.astype(np.float64)).tolist() == [0, 0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -15,40 +14,19 @@ from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN
-from stlbench_agents.independent import DQNPerRobot, Team, TeamPolicy
+from stlbench_agents.independent import DQNPerRobot, Team
 from stlbench_agents.q_learner import GreedyPolicy
 
 COPIES = 16
 
 
-def training(
-    steps: int = 1600,
-    seed: int = 0,
-    method: str = "raw",
-    report: Callable[[Policy, int], None] = lambda policy, steps: None,
-    made: Callable[[BatchEnvironment], None] = lambda environment: None,
-) -> Training:
-    task = pair()
-
-    def make(count: int) -> BatchEnvironment:
-        environment = BatchEnvironment(task, build_method(task, method), count, 5)
-        made(environment)
-        return environment
-
-    return Training(make, steps, seed, report, 4)
-
-
-def team(**recipe: Any) -> Team:
-    """Two robots with 3 and 5 actions, that see 4 numbers."""
-    grid = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 1.0, 2.0, 3.0, 4.0)), (1, 1))
-    shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
+def team(grid: Any = ((-1.0, 0.0, 1.0), (0.0, 1.0, 2.0, 3.0, 4.0)), **recipe: Any) -> Team:
+    """Two robots, with 3 and 5 actions by default, that see 4 numbers."""
+    actions = ActionGrid(("v", "w"), grid, (1, 1))
+    shape = cast(Environment, SimpleNamespace(observation_size=4, actions=actions, count=COPIES))
     made = DQNPerRobot(net_arch=(8,), batch_size=8, **recipe).learner(shape, shape.count, 0, 100)
     assert isinstance(made, Team)
     return made
-
-
-def weights(policy: Policy) -> list[bytes]:
-    return [cast(GreedyPolicy, robot).flat.tobytes() for robot in cast(TeamPolicy, policy).robots]
 
 
 def lock_step(generator: np.random.Generator, reward: Array) -> tuple[Array, Transition]:
@@ -97,31 +75,9 @@ def test_each_robot_finds_the_action_that_pays_whatever_the_other_does() -> None
 
 
 def test_robots_begin_with_weights_of_their_own() -> None:
-    grid = ActionGrid(("v", "w"), ((-1.0, 1.0), (-1.0, 1.0)), (1, 1))
-    shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
-    first, second = cast(Team, DQNPerRobot().learner(shape, shape.count, 0, 100)).learners
+    first, second = team(grid=((-1.0, 1.0), (-1.0, 1.0))).learners
     assert first.weights.online.shape == second.weights.online.shape
     assert not np.array_equal(first.weights.online, second.weights.online)
-
-
-def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not() -> None:
-    one, again, other = (weights(DQNPerRobot().train(training(seed=seed))) for seed in (3, 3, 4))
-    assert one == again
-    assert len(one) == 2
-    assert not set(one) & set(other)
-
-
-def test_the_budget_is_spent_exactly_and_reports_are_frozen() -> None:
-    environments: list[BatchEnvironment] = []
-    seen: list[tuple[int, Policy, list[bytes]]] = []
-    final = DQNPerRobot().train(
-        training(report=lambda policy, steps: seen.append((steps, policy, weights(policy))), made=environments.append)
-    )
-    assert [environment.taken for environment in environments] == [1600]
-    assert [steps for steps, _, _ in seen] == [400, 800, 1200, 1600]
-    assert seen[-1][1] is final
-    assert all(weights(policy) == kept for _, policy, kept in seen)
-    assert seen[0][2] != seen[-1][2]
 
 
 def test_with_one_robot_it_is_dqn() -> None:
@@ -145,11 +101,11 @@ class _Still(Policy):
         return np.full(len(observation), 1 * 5 + 2)
 
 
-@pytest.mark.parametrize("method", ["raw", "funnel"])
-def test_two_robots_learn_to_be_where_each_should(method: str) -> None:
+def test_two_robots_learn_to_be_where_each_should() -> None:
     task = pair()
-    referee = Referee(task, build_method(task, method))
-    policy = DQNPerRobot().train(training(24_000, method=method))
-    learnt, still = referee.select(policy), referee.select(_Still())
+    method = build_method(task, "raw")
+    referee = Referee(task, method)
+    training = Training(lambda n: BatchEnvironment(task, method, n, 5), 16_000, 0, lambda policy, steps: None, 4)
+    learnt, still = referee.select(DQNPerRobot().train(training)), referee.select(_Still())
     assert still == (0, pytest.approx(-1, abs=0.5))
     assert learnt[0] > 0.8

@@ -10,10 +10,10 @@ import torch
 from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox
+from stlbench.contract import ActionBox, Integers
 from stlbench_agents.actor_critic import Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.layers import views
-from stlbench_agents.replay import Batch, Replay
+from stlbench_agents.replay import Batch
 from stlbench_agents.td3 import TD3
 from stlbench_agents.td3_learner import TD3Learner
 
@@ -23,10 +23,22 @@ INPUTS = 3
 
 
 def learner(**parameters: Any) -> TD3Learner:
-    recipe = TD3(net_arch=(8, 8), batch_size=6, **parameters)
-    made = TD3Learner(recipe, INPUTS, BOX, np.random.default_rng(0), 100)
+    made = new(batch_size=6, **parameters)
     made.note_rewards(np.array([-100.0, 100.0]))
+    for part in made.replay.memory[:4]:
+        part[:] = np.random.default_rng(2).uniform(-1, 1, part.shape)
     return made
+
+
+def new(**parameters: Any) -> TD3Learner:
+    """One for two copies and 100 updates, with an empty replay."""
+    return TD3Learner(TD3(**{"net_arch": (8, 8), "random_steps": 0, **parameters}), INPUTS, BOX, 2, 0, 100)
+
+
+def drawn(updates: int) -> tuple[Integers, Floats]:
+    """What so many updates are given: where their transitions begin in the replay, and noise."""
+    generator = np.random.default_rng(3)
+    return generator.integers(150, size=(updates, 6)), generator.normal(size=(updates, 6, 2)).astype(np.float32)
 
 
 def goals(made: TD3Learner, batch: Batch, normal: Floats) -> list[float]:
@@ -64,37 +76,27 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
 
 
 def test_targets_lie_among_the_rewards_that_were_seen() -> None:
-    made = TD3Learner(TD3(net_arch=(8, 8), reward_scale=2.0), INPUTS, BOX, np.random.default_rng(0), 100)
+    made = new(reward_scale=2.0)
     made.note_rewards(np.array([0.1, 0.2]))
     made.note_rewards(np.array([-0.3, 0.0]))
     assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx([-0.6, 0.4])
 
 
 def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
-    made = TD3Learner(TD3(net_arch=(8, 8), gamma=1), INPUTS, BOX, np.random.default_rng(0), 100)
+    made = new(gamma=1)
     made.note_rewards(np.array([0.1, 0.2]))
     assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == [-50, 50]
-
-
-def updated(made: TD3Learner, times: int) -> None:
-    """So many updates with the transitions of a replay."""
-    generator = np.random.default_rng(1)
-    replay = Replay(30, 2, INPUTS, 1, 0.9, axes=2)
-    memory = replay.memory
-    for part in (memory.observation, memory.arrived, memory.action, memory.reward):
-        part[:] = generator.uniform(-1, 1, part.shape)
-    first = generator.integers(50, size=(times, 6))
-    made.update(memory, first, 2, generator.normal(size=(times, 6, 2)).astype(np.float32))
 
 
 def test_the_actor_moves_every_second_update_and_targets_with_it() -> None:
     made = learner(tau=0.25, averaging=0.5)
     followers = (made.actor.online, made.actor.target, made.actor.average, made.critics.target)
     before = [part.copy() for part in followers]
-    updated(made, 1)
+    first, normal = drawn(2)
+    made.update(first[:1], normal[:1])
     assert all(map(np.array_equal, before, followers))
     critics = made.critics.online.copy()
-    updated(made, 1)
+    made.update(first[1:], normal[1:])
     assert not np.array_equal(critics, made.critics.online)
     assert not np.array_equal(before[0], made.actor.online)
     for old, now, online, share in (
@@ -107,30 +109,23 @@ def test_the_actor_moves_every_second_update_and_targets_with_it() -> None:
 
 def test_updates_in_one_call_and_one_by_one_are_the_same() -> None:
     together, apart = learner(), learner()
-    generator, replay = np.random.default_rng(2), Replay(30, 2, INPUTS, 1, 0.9, axes=2)
-    for part in replay.memory[:4]:
-        part[:] = generator.uniform(-1, 1, part.shape)
-    first, normal = generator.integers(50, size=(7, 6)), generator.normal(size=(7, 6, 2)).astype(np.float32)
-    together.update(replay.memory, first, 2, normal)
+    first, normal = drawn(7)
+    together.update(first, normal)
     for row in range(7):
-        apart.update(replay.memory, first[row : row + 1], 2, normal[row : row + 1])
+        apart.update(first[row : row + 1], normal[row : row + 1])
     for ours, theirs in zip((*together.actor, *together.critics), (*apart.actor, *apart.critics), strict=True):
         assert np.array_equal(ours, theirs)
 
 
 def test_weights_move_as_with_torchs_adam() -> None:
     """Two updates: both of the critics, one of the actor with the critics as they are then; Adam from 1."""
-    made, generator = learner(learning_rate=0.01, learning_rate_final=0.001), np.random.default_rng(3)
-    replay = Replay(30, 2, INPUTS, 1, 0.9, axes=2)
-    for part in replay.memory[:4]:
-        part[:] = generator.uniform(-1, 1, part.shape)
-    first, normal = generator.integers(50, size=(2, 6)), generator.normal(size=(2, 6, 2)).astype(np.float32)
+    made, (first, normal) = learner(learning_rate=0.01, learning_rate_final=0.001), drawn(2)
     critics = torch.from_numpy(made.critics.online.copy()).requires_grad_()
     actor = torch.from_numpy(made.actor.online.copy()).requires_grad_()
     adams = torch.optim.Adam([critics], 0.01), torch.optim.Adam([actor], 0.01)
     into, work = np.zeros_like(made.critics.online), TD3Buffers.of(made.networks, 6)
     for row in range(2):
-        batch = replay.batch(first[row])
+        batch = made.replay.batch(first[row])
         noise = Noise(normal[row], made.schedule.spread, made.schedule.limit)
         targets(made.actor.target, made.critics.target, made.networks, batch, noise, made.bounds, work)
         critic_gradient(critics.detach().numpy(), made.networks, batch, work, into)
@@ -144,13 +139,13 @@ def test_weights_move_as_with_torchs_adam() -> None:
     actor_gradient(*numbers, made.networks, batch, made.schedule.penalty, work, into)
     actor.grad = torch.from_numpy(into)
     adams[1].step()
-    made.update(replay.memory, first, 2, normal)
+    made.update(first, normal)
     assert made.critics.online == pytest.approx(critics.detach().numpy(), rel=0, abs=1e-6)
     assert made.actor.online == pytest.approx(actor.detach().numpy(), rel=0, abs=1e-6)
 
 
 def test_first_weights_are_bounded_by_their_layers_inputs_and_the_actors_last_are_small() -> None:
-    made = TD3Learner(TD3(net_arch=(64, 16)), INPUTS, BOX, np.random.default_rng(0), 100)
+    made = new(net_arch=(64, 16))
     for flat, layers, inputs, last in (
         (made.actor.online, made.networks.actor, INPUTS, 0.1),
         (made.critics.online, made.networks.critics[0], INPUTS + 2, 1.0),
@@ -164,21 +159,23 @@ def test_first_weights_are_bounded_by_their_layers_inputs_and_the_actors_last_ar
 
 
 def test_the_policy_spans_the_box_and_is_frozen() -> None:
+    """It has the averaged weights."""
     made = learner()
-    made.actor.online[:] = np.random.default_rng(4).normal(size=made.actor.online.shape)
+    made.actor.average[:] = np.random.default_rng(4).normal(size=made.actor.online.shape)
     policy = made.policy()
     observation = np.random.default_rng(0).normal(size=(50, INPUTS))
     vectors = policy.act(observation)
-    flat, x = torch.from_numpy(made.actor.online.copy()), torch.from_numpy(observation).float()
+    flat, x = torch.from_numpy(made.actor.average.copy()), torch.from_numpy(observation).float()
     squashed = torch.tanh(perceptron(flat, made.networks.actor, x)).numpy()
-    made.actor.online[:] += 1
+    made.actor.average[:] += 1
     np.testing.assert_allclose(vectors, np.array([0, 2]) + squashed * [1, 2], rtol=1e-4, atol=1e-5)
     np.testing.assert_array_equal(policy.act(observation), vectors)
 
 
-def test_actions_in_training_are_the_policys_with_noise_within_the_box() -> None:
+def test_actions_in_training_are_those_of_the_current_weights_with_noise_within_the_box() -> None:
     made = learner()
-    observation = np.random.default_rng(0).normal(size=(50, INPUTS))
-    squashed = (made.policy().act(observation) - np.array([0, 2])) / [1, 2]
-    noise = np.random.default_rng(1).normal(size=(50, 2))
-    assert made.act(observation, noise) == pytest.approx(np.clip(squashed + noise, -1, 1), abs=1e-5)
+    made.actor.average[:] = 0  # the current ones are others
+    observation, noise = (np.random.default_rng(seed).normal(size=(50, size)) for seed, size in ((0, INPUTS), (1, 2)))
+    flat, x = torch.from_numpy(made.actor.online), torch.from_numpy(observation).float()
+    squashed = torch.tanh(perceptron(flat, made.networks.actor, x)).numpy()
+    assert made.explored(observation, noise) == pytest.approx(np.clip(squashed + noise, -1, 1), abs=1e-5)

@@ -9,14 +9,9 @@ import pytest
 from helpers import lattice
 from helpers.lattice import Paid
 
-from stlbench.contract import ActionGrid, Array, Model, StatePolicy
-from stlbench.rollout.model import model_of
-from stlbench.rollout.referee import Referee
-from stlbench.task import build_agent, build_method, load_task
+from stlbench.contract import ActionGrid, Array, StatePolicy
 from stlbench_agents.planning import maximin, sums
 from stlbench_agents.planning.grid import Axis, Grid
-from stlbench_agents.planning.moves import prepare
-from stlbench_agents.planning.planner import BestPossible, Planner
 
 STEPS = 12
 STARTS = np.arange(-2.0, 3.0)[:, None]
@@ -27,49 +22,28 @@ FORMULAS = (
 )
 
 
-def random_plans(model: Model, start: Array, count: int = 2000) -> Array:
-    """The samples (T + 1, P, k) of random plans: too many to try all."""
-    vectors = np.random.default_rng(5).integers(-1, 2, size=(STEPS // model.hold, count, 1)).repeat(model.hold, axis=0)
-    return start + np.concatenate([np.zeros((1, count, 1)), vectors.cumsum(axis=0)])
-
-
 class TestUpperBound:
     @pytest.mark.parametrize(
-        ("formula", "hold"), [*((formula, hold) for formula in FORMULAS[:2] for hold in (1, 2, 3)), (FORMULAS[2], 1)]
+        ("formula", "hold"), [*((formula, hold) for formula in FORMULAS[:2] for hold in (1, 3)), (FORMULAS[2], 1)]
     )
     def test_no_random_plan_is_better(self, formula: str, hold: int) -> None:
-        """With hold > 1, an F G term's value is a lower bound; see test_maximin."""
+        """There are too many to try all. With hold > 1, an F G term's value is a lower bound; see test_maximin."""
         model = lattice.task(formula, STEPS, hold)
         policy = maximin.plan(model, *lattice.whole(model, 16))
+        vectors = np.random.default_rng(5).integers(-1, 2, size=(STEPS // hold, 2000, 1)).repeat(hold, axis=0)
+        samples = np.concatenate([np.zeros((1, 2000, 1)), vectors.cumsum(axis=0)])
         for start, value in zip(STARTS, policy.value(STARTS), strict=True):
-            assert (lattice.robustness(model, random_plans(model, start)) <= value + 1e-5).all()
+            assert (lattice.robustness(model, start + samples) <= value + 1e-5).all()
 
-    @pytest.mark.parametrize("formula", FORMULAS)
     @pytest.mark.parametrize("gamma", [1.0, 0.9])
-    def test_no_plan_for_a_reward_is_better(self, formula: str, gamma: float) -> None:
-        model = lattice.task(formula, STEPS)
+    def test_no_plan_for_a_reward_is_better(self, gamma: float) -> None:
+        model = lattice.task(FORMULAS[2], STEPS)
         best = maximin.plan(model, *lattice.whole(model, 16))
         for pay in (lambda s, t: s[..., 0], lambda s, t: -np.abs(s[..., 0] - 3.0 * (t < 8))):
             rewarded = replace(model, method=Paid(model.method.specification, pay))
             policy: StatePolicy = sums.plan(rewarded, *lattice.whole(model, 16), gamma)
             reached = lattice.robustness(model, lattice.followed(rewarded, policy, STARTS).samples)
             assert (reached <= best.value(STARTS) + 1e-5).all()
-
-    def test_on_a_coarse_grid_of_integrator_or_within_one_interval(self) -> None:
-        """Margins change by 1 where x does, so what is read between two points is off by less than their distance."""
-        task = load_task("integrator-or")
-        method = build_method(task, "raw")
-        model, referee = model_of(task, method), Referee(task, method)
-        best_possible, planner = build_agent(task, "best-possible"), build_agent(task, "planner")
-        assert isinstance(best_possible, BestPossible)
-        assert isinstance(planner, Planner)
-        grid, actions = prepare(model, best_possible.grid, 0.03, best_possible.actions)
-        best = maximin.plan(model, grid, actions)
-        interval = np.diff(grid.axes[0].points).max()
-        for policy in (best, sums.plan(model, grid, actions, planner.gamma)):
-            assessed = referee.assess(policy)
-            reached = np.array(next(iter(assessed.scores.values())).robustness)
-            assert (reached <= best.value(assessed.states[:, 0]) + interval).all()
 
 
 class Growing(lattice.Lattice):
@@ -92,7 +66,7 @@ class TestResolution:
         starts = np.linspace(-2, 2, 41)[:, None]
         truth = 1 - 1.2**4 * np.abs(starts[:, 0])
         before, errors = np.full(len(starts), -np.inf), []
-        for points in (65, 129, 257, 513, 1025, 2049):
+        for points in (65, 257, 1025, 2049):
             grid = Grid((Axis(np.linspace(-110, 130, points)),))
             value = maximin.plan(model, grid, lattice.whole(model)[1]).value(starts)
             assert (value >= before - 1e-5).all()
@@ -106,7 +80,7 @@ class TestResolution:
         model = replace(lattice.task("F[3,6] x >= 1 & G[6,6] x <= 0.5", 6), actions=actions)
         starts = np.linspace(-1, 1, 21)[:, None]
         truth = [lattice.robustness(model, lattice.every_plan(model, start).samples).max() for start in starts]
-        for points in (31, 61, 121, 241):
+        for points in (31, 121):
             grid = Grid((Axis(np.linspace(-6, 6, points)),))
             policy = maximin.plan(model, grid, lattice.whole(model)[1])
             assert (np.abs(policy.value(starts) - truth) <= 12 / (points - 1)).all()

@@ -75,14 +75,13 @@ def test_a_potential_changes_no_action_and_adds_what_it_is_at_the_start(gamma: f
 
 
 @CASES
-@pytest.mark.parametrize("factor", [0.01, 40.0])
-@pytest.mark.parametrize("scaled", [True, False])
+@pytest.mark.parametrize(("factor", "scale"), [(0.01, 1.0), (40.0, 1.0), (40.0, 40.0)])
 def test_a_factor_changes_no_action_and_multiplies_the_value(
-    scaled: bool, factor: float, gamma: float, hold: int
+    factor: float, scale: float, gamma: float, hold: int
 ) -> None:
     """Whether the method says so, by its scale, or not."""
     method = Paid(SPEC, lambda s, t: factor * at(TABLE, s, t))
-    method.scale = factor if scaled else 1.0
+    method.scale = scale
     model, larger = planned(method, gamma, hold)
     _, plainly = planned(plain(), gamma, hold)
     np.testing.assert_array_equal(chosen(model, larger), chosen(model, plainly))

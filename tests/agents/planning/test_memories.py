@@ -44,12 +44,8 @@ def test_each_value_has_its_own_number(rows: list[tuple[int, ...]]) -> None:
 
 
 def test_one_that_was_not_found_has_the_number_of_one_near_it() -> None:
-    assert Memories(np.array([[0.0], [1.0], [5.0]])).numbers(np.array([[0.9], [4.0], [9.0], [-1.0]])).tolist() == [
-        1,
-        2,
-        2,
-        0,
-    ]
+    memories, others = Memories(np.array([[0.0], [1.0], [5.0]])), np.array([[0.9], [4.0], [9.0], [-1.0]])
+    assert memories.numbers(others).tolist() == [1, 2, 2, 0]
 
 
 @pytest.mark.parametrize(
@@ -61,29 +57,18 @@ def test_all_that_occur_in_an_episode_are_found(limit: int, steps: int, hold: in
 
 
 def test_more_than_can_be_planned_with_are_refused() -> None:
-    with pytest.raises(
-        Unsuitable, match=r"^a memory of 1 numbers that takes more than 64 values; a planner enumerates"
-    ):
+    """More may be asked for; several numbers are not rounded, and what fits is not."""
+    with pytest.raises(Unsuitable, match=r"^a memory of 1 numbers that takes more than 64 values; a planner enumera"):
         found(99, 99)
-
-
-def test_as_many_as_are_asked_for_are_found() -> None:
-    assert len(found(99, 99, limits=Limits(values=100))) == 100
+    with pytest.raises(Unsuitable, match=r"^a memory of 2 numbers that takes more than 3 values"):
+        Limits(values=3, rounded=9).rounds(np.arange(8.0).reshape(4, 2))
+    assert len(found(99, 99, limits=Limits(values=100, rounded=2))) == 100
 
 
 def test_one_number_is_rounded_to_evenly_spaced_values_between_its_ends() -> None:
     memories = found(99, 99, limits=Limits(values=7, rounded=5))
     assert memories.values[:, 0].tolist() == [0, 24.75, 49.5, 74.25, 99]
     assert memories.numbers(np.array([[0.0], [12.0], [13.0], [98.0]])).tolist() == [0, 0, 1, 4]
-
-
-def test_what_fits_is_not_rounded() -> None:
-    assert len(found(3, 6, limits=Limits(rounded=2))) == 4
-
-
-def test_several_numbers_are_not_rounded() -> None:
-    with pytest.raises(Unsuitable, match=r"^a memory of 2 numbers that takes more than 3 values"):
-        Limits(values=3, rounded=9).rounds(np.arange(8.0).reshape(4, 2))
 
 
 def test_a_method_without_memory_has_one_value() -> None:
