@@ -46,18 +46,15 @@ def test_an_exit_is_seen_at_once_even_where_a_child_goes_on():
     assert found[1].value == "a"
 
 
-@pytest.mark.parametrize(
-    ("item", "reason"),
-    [
-        ("group", "killed by signal 9 (SIGKILL)"),
-        ("keeper", "the process that watched over it ended"),
-        ("close", "the process ended with exit code 1"),
-    ],
-)
-def test_an_item_that_turns_against_those_around_it_ends_alone(item, reason):
-    found = outcomes(victims.family, [item, "a", item, "b"])
-    assert (found[0].status, found[0].reason) == (found[2].status, found[2].reason) == ("killed", reason)
-    assert (found[1].value, found[3].value) == ("a", "b")
+def test_an_item_that_turns_against_those_around_it_ends_alone():
+    found = outcomes(victims.family, ["group", "a", "keeper", "b", "close", "c", "keeper", "d"])
+    assert [found[index].value for index in (1, 3, 5, 7)] == ["a", "b", "c", "d"]
+    assert [(found[index].status, found[index].reason) for index in (0, 2, 4, 6)] == [
+        ("killed", "killed by signal 9 (SIGKILL)"),
+        ("killed", "the process that watched over it ended"),
+        ("killed", "the process ended with exit code 1"),
+        ("killed", "the process that watched over it ended"),
+    ]
 
 
 def test_a_keeper_that_an_item_stops_is_replaced_after_a_while(monkeypatch):
@@ -66,12 +63,11 @@ def test_a_keeper_that_an_item_stops_is_replaced_after_a_while(monkeypatch):
     assert (found[0].status, found[0].reason, found[1].value) == ("timeout", "no result after 1 s", "a")
 
 
-@pytest.mark.parametrize("item", ["400", "150 4"])
-def test_an_item_that_takes_too_much_memory_is_killed_also_where_its_children_do(item):
-    found = list(LocalExecutor(memory=300 * 2**20).run(victims.eat, [item], [600.0]))
-    assert found[0].status == "killed"
-    assert found[0].reason.startswith("it took ")
-    assert found[0].reason.endswith(" of memory, its limit is 300 MiB")
+def test_an_item_that_takes_too_much_memory_is_killed_also_where_its_children_do():
+    for outcome in LocalExecutor(jobs=1, memory=300 * 2**20).run(victims.eat, ["400", "150 4"], [600.0] * 2):
+        assert outcome.status == "killed"
+        assert outcome.reason.startswith("it took ")
+        assert outcome.reason.endswith(" of memory, its limit is 300 MiB")
 
 
 def written(tmp_path: Path, *items: str) -> dict[str, str]:
@@ -111,15 +107,16 @@ def test_where_nothing_can_be_prepared_items_run_without(prepare):
     assert found[0].value[0] is None
 
 
-def test_no_process_is_left(tmp_path):
+def test_closing_ends_what_runs_and_leaves_no_process(tmp_path):
     import psutil
 
     before = psutil.Process().children(recursive=True)
     running = LocalExecutor(jobs=2).run(victims.leave_pid, [tmp_path / "a", None], [600.0] * 2)
     assert next(running).index == 1
-    assert until((tmp_path / "a").exists)
+    assert until(lambda: (tmp_path / "a").exists() and (tmp_path / "a").read_text())
     started = [process for process in psutil.Process().children(recursive=True) if process not in before]
     started = [process for process in started if "resource_tracker" not in " ".join(process.cmdline())]
     assert len(started) == 4  # a server, two keepers, an item
+    assert int((tmp_path / "a").read_text()) in {process.pid for process in started}
     running.close()
     assert not [process for process in started if process.is_running()]
