@@ -58,7 +58,7 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
     together = sorted(_run(two, _ACCIDENTS, [_PATIENCE, _PATIENCE, _SHORT, *[_PATIENCE] * 4]), key=lambda o: o.index)
     _check_values(in_order, together, rules)
     _check_raise(together[0], rules)
-    _check_apart(*in_order[4:], rules)
+    _check_apart(in_order[4:], rules)
     _check_accidents(together[1:], rules)
     _check_close(two, rules)
 
@@ -113,7 +113,8 @@ def _check_raise(raised: Outcome, rules: Rules) -> None:
     rules.keep("_work" in raised.details, "the traceback is in the details", repr(raised.details))
 
 
-def _check_apart(placed: Outcome, changed: Outcome, looked: Outcome, left: Outcome, rules: Rules) -> None:
+def _check_apart(ended: Sequence[Outcome], rules: Rules) -> None:
+    placed, changed, looked, left = ended
     rules.keep(tuple(placed.value) != _place(), "items run in another process than the caller's", placed.value)
     said = _facts() if placed.facts is None else placed.facts or None
     right = said in (None, {"host": placed.value[0]})
