@@ -126,13 +126,13 @@ def render(
       stlbench render results reach-stay/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench.report.film import check_format
+    from stlbench.report.film import ffmpeg
     from stlbench.study.filming import film_cell
 
     if start is not None and start_index is not None:
         raise UsageError("--start and --start-index: one start, said once")
-    if form != "png":
-        check_format(form)
+    if form == "mp4":
+        ffmpeg()
     chosen = Start(start_index, None if start is None else parse_start(start))
     result = Results.load(run).cell(cell, budget)
     if result.measurement is None:

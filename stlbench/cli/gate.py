@@ -15,8 +15,7 @@ from stlbench.cli.common import Json, show
 from stlbench.cli.options import Listed, names, study_options, tasks_of
 from stlbench.errors import UsageError
 from stlbench.gate import summary
-from stlbench.gate.cost import judge_turns
-from stlbench.gate.judge import EXIT, Judgement, judge
+from stlbench.gate.judge import EXIT, Judgement, judge, judge_turns
 from stlbench.gate.measure import both_trees, cells_of, measure, select, take_turns
 from stlbench.gate.snapshot import Snapshot, load, save
 from stlbench.gate.summary import Named

@@ -1,23 +1,26 @@
-"""Is a new snapshot worse than its base? One rule for robustness and satisfaction, on paired seeds.
+"""Is a new snapshot worse than its base? One rule for results, on paired seeds; and one for costs, by turns.
 
-Each seed gives one *gain*, positive where the new snapshot is better. Of the gains of a setting, that is of one task,
-method, agent and budget:
+Each seed gives one *gain* of robustness and satisfaction, positive where the new snapshot is better. Of the gains of a
+setting, that is of one task, method, agent, budget and track:
 
 - **worse**: the mean loss is more than the tolerated one, and a t-test says that it is a loss.
 - **no worse**: the mean loss is at most the tolerated one, and its interval excludes twice as much; or all gains are 0,
   as with equal code.
 - **cannot tell**: anything else.
 
-Costs are *not judged* here, since the machine was busy otherwise at another hour. `stlbench.gate.cost` judges them by
-turns.
+Costs of two snapshots are *not judged*: the machine was busy otherwise at another hour. By turns, base and new train
+the same cell one right after the other. Each turn gives one ratio. The median ratio of a setting is compared with the
+tolerated one by its exact 95 % interval, which assumes no distribution (the interval of the sign test: Conover 1999,
+Practical Nonparametric Statistics, 3.2).
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +30,7 @@ from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.status import ACCIDENTS
 from stlbench.report.statistics.differences import holm
+from stlbench.report.statistics.intervals import median_interval
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
@@ -145,13 +149,13 @@ def judge(base_snapshot: Snapshot, new_snapshot: Snapshot) -> Judgement:
     """Compare every cell of the base with the same cell of the new snapshot, which may have further cells."""
     pairs = [(base_snapshot.samples[cell], new_snapshot.samples.get(cell)) for cell in sorted(base_snapshot.samples)]
     findings = tuple(finding for base, new in pairs for finding in _accidents(base, new))
-    done: dict[Setting, list[tuple[Sample, Sample]]] = {}
+    done = defaultdict[Setting, list[tuple[Sample, Sample]]](list)
     for base, new in pairs:
         if new is not None and base.status == new.status == "done":
-            done.setdefault(base.id.setting, []).append((base, new))
-    compared = [_compare(setting, metric, members) for metric in METRICS for setting, members in done.items()]
+            done[base.id.setting].append((base, new))
     qualities, costs = (
-        [each for each in compared if each and each.metric.is_cost == of_costs] for of_costs in (False, True)
+        [each for metric in metrics for setting, pairs in done.items() if (each := _compare(setting, metric, pairs))]
+        for metrics in (QUALITIES, COSTS)
     )
     return Judgement((*_judged(qualities), *costs), findings)
 
@@ -167,17 +171,22 @@ def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
     return []
 
 
+def _values(metric: Metric, pairs: Iterable[tuple[Sample | None, Sample | None]]) -> Floats:
+    """(n, 2): of base and new, where both have the number, and the base's is finite; of a cost, above 0."""
+    values = [(metric.value(base), metric.value(new)) for base, new in pairs if base and new]
+    known = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
+    return np.array([each for each in known if all(each) or not metric.is_cost], dtype=np.float64).reshape(-1, 2)
+
+
 def _compare(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> Comparison | None:
     """On the seeds that both snapshots have a number of; None without any. The verdict is still to be given."""
-    values = [(metric.value(base), metric.value(new)) for base, new in members]
-    both = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
-    if not both:
+    values = _values(metric, members)
+    if not len(values):
         return None
-    one, two = np.array(both, dtype=np.float64).T
     with np.errstate(invalid="ignore"):  # a robustness that is no number any more is an infinite loss
-        gains = np.nan_to_num(metric.gain(one, two), nan=-np.inf, posinf=0.0, neginf=-np.inf)
+        gains = np.nan_to_num(metric.gain(*values.T), nan=-np.inf, posinf=0.0, neginf=-np.inf)
     centre = np.median if metric.is_cost else np.mean
-    base, new, gain = (float(centre(each)) for each in (one, two, gains))
+    base, new, gain = float(centre(values[:, 0])), float(centre(values[:, 1])), float(centre(gains))
     estimate = (math.nan,) * 3 if metric.is_cost else _estimate(gains, gain)
     return Comparison(setting, metric, base, new, len(gains), gain, *estimate, "not judged")
 
@@ -207,3 +216,78 @@ def _verdict(of: Comparison, chance: float) -> Verdict:
     if of.gain < -of.metric.tolerated:
         return "worse" if chance < ALPHA else "cannot tell"
     return "no worse" if of.low >= -2 * of.metric.tolerated else "cannot tell"
+
+
+MOST = 50  # turns of a setting after which its verdict stays open
+ROUNDS = 2  # the fewest rounds after which anything is worse: slower code stays slow, and disturbances go
+FEWEST = 6  # turns from which on the median has an interval of 95 %
+
+
+class Turn(NamedTuple):
+    """One cell, trained by both sides; None if a revision does not know the cell."""
+
+    cell: CellId
+    round: int
+    """From 1. Each round has each cell of a setting once."""
+    base: Sample | None
+    new: Sample | None
+
+
+def judge_turns(reference: Snapshot, turns: Sequence[Turn]) -> tuple[Judgement, Snapshot]:
+    """The verdict on a change, and the snapshot of its cells.
+
+    Costs are compared turn by turn. Robustness and satisfaction are compared with the reference if the two are equal,
+    else with the base's values on this machine: the reference's machine may round differently.
+    """
+    first = [turn for turn in turns if turn.round == 1]
+    new = Snapshot({turn.cell: turn.new for turn in first if turn.new is not None})
+    given = {turn.cell: turn.base for turn in first if turn.base is not None}
+    expected = {
+        cell: sample if _same(sample, new.samples.get(cell)) else given.get(cell, sample)
+        for cell, sample in reference.samples.items()
+    }
+    judgement = judge(Snapshot(expected), new)
+    qualities = (comparison for comparison in judgement.comparisons if not comparison.metric.is_cost)
+    return Judgement((*qualities, *judge_costs(turns)), judgement.findings), new
+
+
+def _same(one: Sample, two: Sample | None) -> bool:
+    return two is not None and all(metric.value(one) == metric.value(two) for metric in QUALITIES)
+
+
+def judge_costs(turns: Iterable[Turn]) -> tuple[Comparison, ...]:
+    """Both costs of each setting of which both sides finished a cell.
+
+    A setting is *worse* if its whole interval is above the tolerated ratio after two rounds or more, and *no worse* if
+    its whole interval is at most that ratio; otherwise the turns *cannot tell*.
+    """
+    settings = defaultdict[Setting, list[Turn]](list)
+    for turn in turns:
+        settings[turn.cell.setting].append(turn)
+    compared = (_by_turns(setting, metric, own) for metric in COSTS for setting, own in sorted(settings.items()))
+    return tuple(comparison for comparison in compared if comparison is not None)
+
+
+def unclear(turns: Sequence[Turn]) -> set[Setting]:
+    """The settings that need more turns: the verdict on one of their costs is still open."""
+    taken = Counter(turn.cell.setting for turn in turns)
+    open_ones = {each.setting for each in judge_costs(turns) if each.verdict == "cannot tell"}
+    return {setting for setting in open_ones if taken[setting] < MOST}
+
+
+def _by_turns(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Comparison | None:
+    values = _values(metric, ((turn.base, turn.new) for turn in turns))
+    if not len(values):
+        return None
+    base, new = values.T
+    gains = metric.gain(base, new)
+    low, high = (len(gains) >= FEWEST and median_interval(gains.tolist())) or (-math.inf, math.inf)
+    verdict: Verdict = "cannot tell"
+    if low >= -metric.tolerated:
+        verdict = "no worse"
+    elif high < -metric.tolerated and max(turn.round for turn in turns) >= ROUNDS:
+        verdict = "worse"
+    chance = float(special.bdtr(int(np.sum(gains >= -metric.tolerated)), len(gains), 0.5))
+    middle = float(np.median(base)), float(np.median(new))
+    gain, turned = float(np.median(gains)), tuple(gains.tolist())
+    return Comparison(setting, metric, *middle, len(turned), gain, low, high, chance, verdict, turned)

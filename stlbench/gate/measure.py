@@ -10,6 +10,7 @@ import sys
 import tarfile
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from configparser import ConfigParser
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib import metadata
@@ -20,7 +21,7 @@ from typing import Any, Self
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, one_line
-from stlbench.gate.cost import Turn, unclear
+from stlbench.gate.judge import Turn, unclear
 from stlbench.gate.snapshot import Sample, Snapshot, gather, load
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
@@ -214,18 +215,16 @@ def _take_out(root: Path, commit: str, folder: Path) -> None:
 def _import_roots(root: Path) -> list[Path]:
     """The folders, relative to the repository, from which stlbench and the installed plugins are imported."""
     modules = [plugin.entry_point.module for kind in plugins.KINDS for plugin in plugins.available(kind).values()]
-    folders = dict.fromkeys(map(_folder_of, dict.fromkeys(["stlbench", *(name.partition(".")[0] for name in modules)])))
-    own = [folder for folder in folders if folder and folder.is_relative_to(root) and not INSTALLED & {*folder.parts}]
+    specs = [
+        find_spec(package) for package in dict.fromkeys(["stlbench", *(name.partition(".")[0] for name in modules)])
+    ]
+    places = [place for spec in specs if spec for place in [*(spec.submodule_search_locations or ()), spec.origin][:1]]
+    folders = dict.fromkeys(Path(place).resolve().parent for place in places if place)
+    own = [folder for folder in folders if folder.is_relative_to(root) and not INSTALLED & {*folder.parts}]
     if not own:
         rule = "so both sides would run the same code; install it by `pip install -e`"
         raise UsageError(f"neither stlbench nor a plugin is run from the files in {root}, {rule}")
     return [folder.relative_to(root) for folder in own]
-
-
-def _folder_of(package: str) -> Path | None:
-    spec = find_spec(package)
-    places = [*(spec.submodule_search_locations or ()), spec.origin or ""] if spec else [""]
-    return Path(places[0]).resolve().parent if places[0] else None
 
 
 def _environment(root: Path, place: Path, roots: list[Path], folder: Path) -> dict[str, str]:
@@ -255,7 +254,8 @@ def _write_entry_points(project_file: Path, folder: Path) -> None:
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8")
-    sections = []
-    for group, own in groups.items():
-        sections += [f"[{group}]", *(f"{key} = {value}" for key, value in own.items())]
-    (info / "entry_points.txt").write_text("\n".join(sections), encoding="utf-8")
+    points = ConfigParser(delimiters=("=",))
+    points.optionxform = str  # type: ignore[assignment,method-assign]
+    points.read_dict(groups)
+    with (info / "entry_points.txt").open("w", encoding="utf-8") as file:
+        points.write(file)

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from stlbench.records import outputs
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
-from stlbench.report.report import Report, write
+from stlbench.registry.choices import Choice
+from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
+from stlbench.report.tables.alignment import Aligned, align, alignment_table
+from stlbench.report.tables.cells import cells_table, circumstances, time_table, unfinished_table
+from stlbench.report.tables.comparisons import Comparison, advice, compare, comparisons_table
+from stlbench.report.tables.controllers import Known, best_known, controllers_table
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
-from stlbench.report.tables.rows import Group, Row, group, missing_row, row
+from stlbench.report.tables.robustness import overview, robustness_table
+from stlbench.report.tables.rows import Group, Row, group, missing_row, outside, row, split, trained
+from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import Column, Table, Value, Width, show
+
+if TYPE_CHECKING:
+    from stlbench.report.figures.regions import Load
+    from stlbench.rollout.standards import Standard
 
 __all__ = [
     "Column",
@@ -42,3 +58,116 @@ def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple
 
 def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]:
     return group(row for group in groups for row in group.rows if row.id in cells)
+
+
+@dataclass(frozen=True)
+class Report:
+    """The tables of some results. Each is computed once, when it is first read."""
+
+    groups: Sequence[Group]  # the results that the tables show
+    standards: Mapping[str, Standard]  # what the policies of each task are compared with
+    recorded: Sequence[Group] | None = None
+    """All results of the folder, if `groups` are a part of them: plans are compared with all of these."""
+    first: tuple[Table, ...] = ()  # tables that come before these, such as one of bundles
+
+    @cached_property
+    def learned(self) -> tuple[Group, ...]:
+        """The groups of agents that learn."""
+        return split(self.groups)[0]
+
+    @cached_property
+    def fields(self) -> tuple[Field, ...]:
+        """The sets of tasks over which methods are aggregated."""
+        return fields(self.learned, self._known)
+
+    @cached_property
+    def pairs(self) -> tuple[Comparison, ...]:
+        return compare(self.learned, self._known)
+
+    @cached_property
+    def aligned(self) -> tuple[Aligned, ...]:
+        """What was planned, and what was learned in the same setting."""
+        return align(self._recorded, self.standards, self.groups)
+
+    @cached_property
+    def overview(self) -> Table:
+        return overview(self.learned, self._known, advice(self.pairs))
+
+    @cached_property
+    def robustness(self) -> Table:
+        untrained = [
+            each for each in outside(self._recorded) if each.setting.task in self._tasks or each in self.groups
+        ]
+        return robustness_table(self.learned, self._known, untrained)
+
+    @cached_property
+    def comparisons(self) -> Table:
+        return comparisons_table(self.pairs)
+
+    @cached_property
+    def tables(self) -> dict[str, Table]:
+        """The tables that are written as files and as JSON, by name, also those without a row."""
+        names = {group.setting.task.name for group in self.groups}
+        return {
+            "robustness": self.robustness,
+            "comparisons": self.comparisons,
+            "aggregates": aggregates_table(self.fields),
+            "improvement": improvement_table(self.fields),
+            "groups": groups_table(self.fields),
+            "differences": pairs_table(self.fields),
+            "controllers": controllers_table({name: self.standards[name] for name in self.standards if name in names}),
+            "alignment": alignment_table(self.aligned),
+            "time": time_table(self.learned),
+            "cells": cells_table(row for group in self.groups for row in group.rows),
+        }
+
+    @property
+    def summary(self) -> tuple[Table, ...]:
+        """What a reader is shown, in this order; tables without a row are left out."""
+        tables = [self.overview] * (len(self._tasks) > 1)
+        tables += [
+            self.tables[name] for name in (*_ACROSS, "robustness", "comparisons", "controllers", "alignment", "time")
+        ]
+        return (*self.first, *(table for table in (*tables, unfinished_table(self.groups)) if table.rows))
+
+    @property
+    def circumstances(self) -> Table:
+        return circumstances(trained(self.groups))
+
+    @property
+    def _recorded(self) -> Sequence[Group]:
+        return self.groups if self.recorded is None else self.recorded
+
+    @cached_property
+    def _tasks(self) -> set[Choice]:
+        return {group.setting.task for group in self.learned}
+
+    @cached_property
+    def _known(self) -> Known:
+        best = best_known(self._recorded, self.standards)
+        return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
+
+
+_ACROSS = ("aggregates", "improvement", "groups", "differences")
+
+
+def write(report: Report, folder: Path, load: Load, width: Width = "page") -> list[Path]:
+    """Write every table into `folder`, and every figure that has changed; the paths of all files.
+
+    report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone. There are no
+    files of aggregates below three tasks, of groups without drawn tasks, and of alignment without a plan. figures/ has
+    a few figures of each task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
+    Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
+    """
+    from stlbench.report.figures.files import write_figures
+
+    figures = outputs.inside(folder / "figures", folder)
+    text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))
+    files = {"report.md": f"# stlbench report\n\n{text}"}
+    for name, table in report.tables.items():
+        if table.rows or name not in (*_ACROSS, "alignment"):
+            files[f"{name}.csv"] = to_csv(table)
+            if name != "cells":
+                files[f"{name}.tex"] = to_latex(table, width)
+    texts = [outputs.write(folder / name, text) for name, text in files.items()]
+    return [*texts, *write_figures(report, figures, load, width)]

@@ -11,7 +11,7 @@ import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -24,7 +24,6 @@ from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.errors import UsageError
 from stlbench.records.outputs import opened
 from stlbench.records.outputs import write as write_file
-from stlbench.records.saved_traces import Film
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import parts
 from stlbench.report.figures.style import TRACE
@@ -32,7 +31,6 @@ from stlbench.report.figures.trajectories import READ, part_keys, signals_in_tim
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
-Format = Literal["gif", "webp", "mp4"]
 FRAMES_A_SECOND = 12.5  # GIF counts in hundredths of a second: 8 of them a frame
 SHORTEST, LONGEST = 4.0, 12.0  # seconds that a film lasts, whatever the episode does: 150 frames at most
 _DPI = 80
@@ -115,8 +113,14 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...], pictu
     which = ("best start: ", "worst start: ") if len(chosen) > 1 else ("",)
     names = [f"{prefix}robustness {robustness[i]:.3g}" for prefix, i in zip(which, chosen, strict=True)]
     remark = ""
-    if isinstance(task.dynamics, Drawn):
-        pictures, remark = _of_system(task.dynamics, task.file.steps, recording.film)
+    system = task.dynamics
+    if isinstance(system, Drawn) and recording.film is None:
+        remark = "no pictures of the system, as the cell's file of traces has no states"
+    elif isinstance(system, Drawn) and recording.film is not None:
+        states = recording.film.states
+        last = states.shape[1] - 1
+        hold = task.file.steps // last  # which the cell's track may have changed
+        pictures = lambda sample: [system.frame(own[min(sample // hold, last)]) for own in states]  # noqa: E731
     if pictures is not None:
         try:
             return _pictures(pictures, names)
@@ -124,15 +128,6 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...], pictu
             remark = f"no pictures, {error}"
     drawn = _plane if task.file.plane else _signals
     return drawn(task, recording.traces[chosen], names)._replace(remark=remark)
-
-
-def _of_system(system: Drawn, steps: int, film: Film | None) -> tuple[Pictures | None, str]:
-    """The pictures of the recorded states, or none and why."""
-    if film is None:
-        return None, "no pictures of the system, as the cell's file of traces has no states; it is of an older version"
-    last = film.states.shape[1] - 1
-    hold = steps // last  # which the cell's track may have changed
-    return lambda sample: [system.frame(states[min(sample // hold, last)]) for states in film.states], ""
 
 
 def _pictures(pictures: Pictures, names: list[str]) -> Scene:
@@ -204,12 +199,6 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
     return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])
 
 
-def check_format(form: Format) -> None:
-    """Raise `UsageError` if this machine cannot write such a file."""
-    if form == "mp4":
-        _ffmpeg()
-
-
 def write_video(pictures: Iterable[Pixels], path: Path) -> None:
     """Write pictures (height, width, 3) of one size as a film; the path's ending says as what. Raises `UsageError`."""
     if path.suffix == ".mp4":
@@ -235,7 +224,7 @@ def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
     content = np.stack(even).tobytes()
     with TemporaryDirectory(prefix="stlbench-film-") as place:
         film = Path(place, "film.mp4")
-        command = [_ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(film)]
+        command = [ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(film)]
         done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
         if done.returncode:
             problem = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
@@ -243,7 +232,8 @@ def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
         write_file(path, film.read_bytes())
 
 
-def _ffmpeg() -> str:
+def ffmpeg() -> str:
+    """The program that writes mp4. Raises `UsageError` if this machine has none."""
     program = shutil.which("ffmpeg")
     if program is None:
         raise UsageError("mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without")

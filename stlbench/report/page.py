@@ -18,11 +18,11 @@ from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.outputs import TRACES, cell_files, end_of_log, write
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
+from stlbench.report import Report
 from stlbench.report.figures.files import drawings_across, drawings_of_alignment, drawings_of_tasks, svg_of
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
-from stlbench.report.report import Report
-from stlbench.report.tables.cells import ENDED_EARLY, if_done, percent, scores_and_cost
+from stlbench.report.tables.cells import CELL, ENDED_EARLY, if_done, percent, scores_and_cost
 from stlbench.report.tables.rows import Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value, show
 from stlbench.rollout.questions import Ask
@@ -194,7 +194,7 @@ def _rendered(**content: Any) -> str:
 
 def _picture(label: str, figure: Figure) -> Picture:
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return Picture(label, base64.b64encode(svg_of(figure)).decode(), (width, height))
+    return Picture(label, base64.b64encode(svg_of(figure, alone=True)).decode(), (width, height))
 
 
 def _facts(task: Task) -> Facts:
@@ -238,7 +238,6 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     notes.append(
         "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
     )
-    early = any(row.numbers and row.numbers.ended_early for row in rows)
     numbers: dict[Column, Callable[[Numbers], Value]] = {
         Column("mean robustness", digits=3): lambda each: each.robustness_mean,
         Column("worst start", digits=3): lambda each: each.robustness_min,
@@ -246,14 +245,13 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
         Column("ended early", unit="%", digits=1): lambda each: percent(each.ended_early),
         Column("cell CPU", unit="s", digits=1): lambda each: each.cpu_seconds,
     }
-    columns: dict[Column, Callable[[Row], Value]] = {
-        Column("cell", right=False): lambda row: row.id.name,
-        Column("budget", right=False): lambda row: row.id.budget,
-        Column("status", right=False): lambda row: row.status,
-        **{column: if_done(value) for column, value in numbers.items() if early or column.title != "ended early"},
-        Column("reason", right=False): lambda row: row.reason or None,
-    }
-    return rows, _trimmed(Table.of("Cells", rows, columns, (*notes, *([ENDED_EARLY] if early else []))))
+    if any(row.numbers and row.numbers.ended_early for row in rows):
+        notes.append(ENDED_EARLY)
+    else:
+        numbers = {column: value for column, value in numbers.items() if column.title != "ended early"}
+    *first, reason = CELL.items()
+    columns = {**dict(first), **if_done(numbers), **dict([reason])}
+    return rows, _trimmed(Table.of("Cells", rows, columns, tuple(notes)))
 
 
 def _cell_part(row: Row, result: Result | None, folder: Path) -> Part:

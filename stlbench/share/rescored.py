@@ -14,7 +14,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.records.saved_policies import Which
 from stlbench.registry.choices import Choice
-from stlbench.report import Column, Table
+from stlbench.report import Column, Table, Value
 from stlbench.rollout.questions import Question, Unanswered, plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.share.bundle import METADATA, About, read_metadata
@@ -43,14 +43,13 @@ class Rescored(NamedTuple):
             return "not scored"
         if self.found == self.recorded:
             return "as recorded"
-        found = self.found
-        more = any(name not in found or _claims_more(said, found[name]) for name, said in self.recorded.items())
-        return "claims more" if more else "within rounding"
-
-
-def _claims_more(recorded: Score, found: Score) -> bool:
-    lost = recorded.mean - found.mean
-    return lost > MORE * abs(recorded.mean) or recorded.satisfaction - found.satisfaction > MORE
+        for name, said in self.recorded.items():
+            found = self.found.get(name)
+            if found is None or said.mean - found.mean > MORE * abs(said.mean):
+                return "claims more"
+            if said.satisfaction - found.satisfaction > MORE:
+                return "claims more"
+        return "within rounding"
 
 
 def rescore(path: Path) -> Iterator[Rescored]:
@@ -151,18 +150,21 @@ def _named(result: Result, bundle: str, scores: Mapping[str, Score] | None) -> R
 
 def bundles_table(bundles: Iterable[Bundle]) -> Table:
     """One row per bundle: who packed it, and what was found of its policies."""
-    titles = ("bundle", "by", "title", "licence", "packed", "cells", "policies", "SHA-256")
-    rows, notes = list[tuple[str | int | None, ...]](), list[str]()
-    for bundle in bundles:
-        notes += [f"{bundle.path.name} is refused: {problem}" for problem in bundle.problems]
-        if bundle.about is not None:
-            facts, digest = bundle.about, hashlib.sha256(bundle.path.read_bytes()).hexdigest()
-            who = (", ".join(facts.authors) or None, facts.title, facts.license, facts.date)
-            rows.append((bundle.path.stem, *who, len(bundle.results), bundle.verdict, digest[:12]))
+    listed = list(bundles)
+    problems = [f"{each.path.name} is refused: {problem}" for each in listed for problem in each.problems]
+    columns: dict[Column, Callable[[tuple[Bundle, About]], Value]] = {
+        Column("bundle", right=False): lambda row: row[0].path.stem,
+        Column("by", right=False): lambda row: ", ".join(row[1].authors) or None,
+        Column("title", right=False): lambda row: row[1].title,
+        Column("licence", right=False): lambda row: row[1].license,
+        Column("packed", right=False): lambda row: row[1].date,
+        Column("cells"): lambda row: len(row[0].results),
+        Column("policies", right=False): lambda row: row[0].verdict,
+        Column("SHA-256", right=False): lambda row: hashlib.sha256(row[0].path.read_bytes()).hexdigest()[:12],
+    }
     note = (
         "Policies, with --rescore: whether the referee finds the scores of the bundle again, in the worst case. All "
         "tables then have the referee's scores."
     )
-    return Table(
-        "Bundles", tuple(Column(title, right=title == "cells") for title in titles), tuple(rows), (note, *notes)
-    )
+    rows = [(each, each.about) for each in listed if each.about is not None]
+    return Table.of("Bundles", rows, columns, (note, *problems))

@@ -6,16 +6,9 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from stlbench.contract import (
-    Array,
-    GymTask,
-    Intractable,
-    RewardMethod,
-    System,
-    Unsuitable,
-)
+from stlbench.contract import Array, GymTask, Intractable, RewardMethod, System, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.records import saved_traces, stored, upkeep
 from stlbench.records.identity import OUTSIDE, CellId
@@ -35,15 +28,11 @@ from stlbench.share.actions import OnObservation, OnState, numbers_of, read_acti
 from stlbench.share.onnx import load_onnx
 from stlbench.share.sb3 import load_sb3
 from stlbench.share.source import Source, load_function
-from stlbench.share.torch_files import load_state_dict, load_torchscript
+from stlbench.share.torch_files import load_state_dict
 from stlbench.share.traces import from_the_reports_starts, load_traces
 from stlbench.study.cell import digest, harness
 from stlbench.study.provenance import collect
 from stlbench.task import Task, build_method, load_task
-
-if TYPE_CHECKING:
-    from stlbench.task.gym_spaces import Observed
-
 
 UNKNOWN = Choice("unknown")
 """In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""
@@ -104,24 +93,29 @@ class Played(NamedTuple):
 
 def play(task: Task, source: Source, shown: Shown) -> Played:
     method = _method(task, shown.method)
+    observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
     table = None if source.table is None else read_actions(Path(source.table), task.actions)
     if shown.on == "state":
-        observation = _states(task)
-    else:
-        observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
-    if shown.on == "environment":
-        observed, observation = _observed(task, method), observation.unscaled
-    function = _function(task, source, table, observation, shown)
-    words, is_function = str(observation), source.kind == "function"
-    if shown.on == "state":
-        act = function if is_function else lambda state, t: function(state)  # a network is given the states alone
-        return Played(method, OnState(act, task.actions, source.text, table), words + " and the step" * is_function)
-    if shown.on == "environment":
-        size = observed.size
-        policy = OnObservation(lambda seen: function(observed.own(seen[:, :size])), task.actions, source.text, table)
-    else:
-        policy = OnObservation(function, task.actions, source.text, table)
-    return Played(method, policy, words)
+        if not isinstance(task.dynamics, System):
+            raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
+        observation = Observation(len(task.dynamics.state), task.dynamics.state, task=task.name).unscaled
+        function = _function(task, source, table, observation, shown)
+        if source.kind == "function":
+            return Played(method, OnState(function, task.actions, source.text, table), f"{observation} and the step")
+        # a network is given the states alone
+        of_states = OnState(lambda state, t: function(state), task.actions, source.text, table)
+        return Played(method, of_states, str(observation))
+    if shown.on != "environment":
+        function = _function(task, source, table, observation, shown)
+        return Played(method, OnObservation(function, task.actions, source.text, table), str(observation))
+    if not isinstance(task.dynamics, GymTask):
+        raise UsageError(f"--on environment: task {task.name} is on no environment of Gymnasium")
+    if method.input_size:
+        raise UsageError("--on environment: what it shows has no inputs of a method; leave --method out")
+    observed = task.source.observed
+    function = _function(task, source, table, observation.unscaled, shown)
+    own = OnObservation(lambda seen: function(observed.own(seen[:, : observed.size])), task.actions, source.text, table)
+    return Played(method, own, str(observation.unscaled))
 
 
 def _method(task: Task, choice: Choice) -> RewardMethod:
@@ -133,22 +127,6 @@ def _method(task: Task, choice: Choice) -> RewardMethod:
         raise UsageError(f"method {choice} on task {task.name}: {error}") from error
 
 
-def _states(task: Task) -> Observation:
-    if not isinstance(task.dynamics, System):
-        raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
-    names = task.dynamics.state
-    return Observation(len(names), names, task=task.name).unscaled
-
-
-def _observed(task: Task, method: RewardMethod) -> Observed:
-    """The observation of a task's environment, which has no inputs of a method."""
-    if not isinstance(task.dynamics, GymTask):
-        raise UsageError(f"--on environment: task {task.name} is on no environment of Gymnasium")
-    if method.input_size:
-        raise UsageError("--on environment: what it shows has no inputs of a method; leave --method out")
-    return task.source.observed
-
-
 def _function(
     task: Task, source: Source, table: Array | None, observation: Observation, shown: Shown
 ) -> Callable[..., Any]:
@@ -158,10 +136,9 @@ def _function(
             return load_function(source.text)
         case "sb3":
             return load_sb3(source.path, actions, observation, declared=shown.on is not None)
-        case "torch" if source.architecture is not None:
-            return load_state_dict(source.path, source.architecture, observation.total)
         case "torch":
-            return load_torchscript(source.path)
+            assert source.architecture is not None
+            return load_state_dict(source.path, source.architecture, observation.total)
         case _:
             return load_onnx(source.path, observation)
 
@@ -237,14 +214,11 @@ def record(folder: Path, entry: Entry) -> Result | None:
         before = next((each for each in ledger.results() if each.id == result.id), None)
         if before is not None:
             upkeep.take_out(folder, ledger, before.id)
-        _save(inside(path, folder), entry.scored, entry.signals)
+        scored, place = entry.scored, inside(path, folder)
+        if scored.states is None:
+            saved_traces.save_samples(place, scored.traces, entry.signals)
+        else:
+            assessment = Assessment(dict(scored.measurement.selected), scored.traces, scored.states)
+            saved_traces.save(place, assessment, entry.signals)
         ledger.record(result)
     return before
-
-
-def _save(path: Path, scored: Scored, signals: tuple[str, ...]) -> None:
-    if scored.states is None:
-        saved_traces.save_samples(path, scored.traces, signals)
-    else:
-        scores = dict(scored.measurement.selected)
-        saved_traces.save(path, Assessment(scores, scored.traces, scored.states), signals)

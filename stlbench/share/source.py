@@ -54,7 +54,8 @@ class Source:
     def digest(self) -> str:
         """Of the file, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
         if self.kind == "function":
-            return digest(self.text)
+            from_here()
+            return fingerprint(self.text.partition(":")[0])
         return _sha256(self.path)
 
     @property
@@ -87,6 +88,9 @@ def find_source(text: str, architecture: str | None = None, table: str | None = 
         raise UsageError(f"'{text}' names no policy; one is {kinds}")
     if architecture is not None and kind != "torch":
         raise UsageError(f"{text}: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it out")
+    if architecture is None and kind == "torch":
+        rule = "say --architecture, as 'mlp[4,64,64,21;relu]', or export it as ONNX"
+        raise UsageError(f"{text}: a file of PyTorch has weights and no network; {rule}")
     if table is not None and kind in ("cell", "traces"):
         raise UsageError(f"{text}: --actions is for a policy from outside that acts; leave it out")
     return Source(kind, text, architecture, table)
@@ -112,12 +116,6 @@ def load_function(text: str) -> Callable[..., Any]:
         raise UsageError(f"{text}: '{name}' is {type(found).__name__}, which cannot be called")
     function: Callable[..., Any] = found
     return function
-
-
-def digest(text: str) -> str:
-    """Of the source of the module and of what it imports from its own package."""
-    from_here()
-    return fingerprint(text.partition(":")[0])
 
 
 def from_here() -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array
-from stlbench.errors import UsageError, cause, did_you_mean
+from stlbench.errors import UsageError, did_you_mean
 
 Weights = NDArray[np.floating[Any]]
 ACTIVATIONS: Mapping[str, Callable[[Weights], Weights]] = {
@@ -51,28 +50,24 @@ def check_size(path: Path, size: int, shown: int) -> None:
         raise UsageError(f"{path}: the policy acts on {size} numbers, and the task's observation has {shown}")
 
 
-def imported_torch(path: Path) -> Any:
-    """PyTorch. Raises `UsageError` where it is not installed."""
-    try:
-        import torch
-    except ImportError as error:
-        raise UsageError(f'{path} needs PyTorch: pip install "stlbench-rl[sb3]"') from error
-    return torch
-
-
 def read_weights(path: Path, file: IO[bytes] | Path) -> dict[str, Weights]:
     """Arrays by name, in the order of the file, which `torch.save` wrote of a state_dict; nothing in it is run.
 
     Raises `UsageError` if torch is not installed, and exceptions of many kinds if the file is something else.
     """
-    torch = imported_torch(path)
-    content = torch.load(file, map_location="cpu", weights_only=True)
+    try:
+        import torch
+    except ImportError as error:
+        raise UsageError(f'{path} needs PyTorch: pip install "stlbench-rl[sb3]"') from error
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # it advises users of other files to call other functions
+        content = torch.load(file, map_location="cpu", weights_only=True)
     arrays = {str(name): tensor.numpy() for name, tensor in content.items()}
     return {name: array.astype(np.result_type(array.dtype, np.float32)) for name, array in arrays.items()}
 
 
 _FORM = re.compile(r"mlp\[\s*(\d+(?:\s*,\s*\d+)+)\s*;\s*(\w+)\s*\]")
-_EXAMPLE = "mlp[4,64,64,21;relu]"
+EXAMPLE = "mlp[4,64,64,21;relu]"
 
 
 def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array], Any]:
@@ -82,7 +77,14 @@ def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array
     D. Raises `UsageError` if torch is missing, or the file is none of that architecture, or a weight is not finite.
     """
     sizes, activation = _declared(architecture)
-    layers = Layers(_matched(path, _read(path), sizes, architecture), activation)
+    try:
+        weights = read_weights(path, path)
+    except UsageError:
+        raise
+    except Exception as error:  # torch raises many kinds, and some advise to run what is in the file
+        rule = "expected is what torch.save(module.state_dict(), FILE) writes; export another network as ONNX"
+        raise UsageError(f"{path} is no state_dict that can be read without running it; {rule}") from error
+    layers = Layers(_matched(path, weights, sizes, architecture), activation)
     layers.check(path, size)
     return layers.outputs
 
@@ -90,20 +92,10 @@ def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array
 def _declared(text: str) -> tuple[list[int], str]:
     match = _FORM.fullmatch(text.strip())
     if match is None:
-        raise UsageError(f"--architecture {text}: expected are sizes and an activation, as in '{_EXAMPLE}'")
+        raise UsageError(f"--architecture {text}: expected are sizes and an activation, as in '{EXAMPLE}'")
     if match[2].lower() not in ACTIVATIONS:
         raise UsageError(f"--architecture {text}: no activation '{match[2]}'{did_you_mean(match[2], ACTIVATIONS)}")
     return [int(each) for each in match[1].split(",")], match[2].lower()
-
-
-def _read(path: Path) -> dict[str, Weights]:
-    try:
-        return read_weights(path, path)
-    except UsageError:
-        raise
-    except Exception as error:  # torch raises many kinds, and some advise to run what is in the file
-        rule = "expected is what torch.save(module.state_dict(), FILE) writes"
-        raise UsageError(f"{path} is no state_dict that can be read without running it; {rule}") from error
 
 
 def _matched(
@@ -123,67 +115,3 @@ def _matched(
             if (actual := weights[f"{name}{part}"].shape) != shape:
                 raise UsageError(f"{path}: '{name}{part}' has the shape {actual}; by {architecture} it is {shape}")
     return tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names)
-
-
-_FORBIDDEN = frozenset({"aten::save", "aten::from_file", "prim::CallFunction", "prim::CallMethod", "prim::fork"})
-"""What reads and writes files, and calls that cannot be looked into."""
-_AT_LOADING = b"__setstate__"  # the method that is run while a file is loaded, before anybody could look at it
-
-
-def load_torchscript(path: Path) -> Callable[[Array], Any]:
-    """The module as a function of observations (N, D), float32 or as its weights are; of several outputs the first.
-
-    Raises `UsageError` if torch is missing, or the file is no TorchScript or does more than compute, or a weight is not
-    finite.
-    """
-    torch = imported_torch(path)
-    _check_code(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # torch would rather have other formats
-            module = torch.jit.load(str(path), map_location="cpu")
-        module.eval()
-        operators = set(_operators(module.forward.inlined_graph))
-        weights = [each for each in module.state_dict().values() if each.is_floating_point()]
-    except Exception as error:  # torch raises many kinds
-        raise UsageError(f"{path} is no TorchScript that can be read: {cause(error)}") from error
-    for name in sorted(operators):
-        if name in _FORBIDDEN or not name.startswith(("aten::", "prim::")):
-            raise _does_more(path, name)
-    if not all(bool(torch.isfinite(each).all()) for each in weights):
-        raise UsageError(f"{path}: the policy has weights that are NaN or infinite; its training went wrong")
-    kind = weights[0].dtype if weights else torch.float32
-
-    def act(observation: Array) -> Any:
-        with torch.no_grad():
-            outputs = module.forward(torch.as_tensor(observation).to(kind))
-        return np.asarray(outputs[0] if isinstance(outputs, tuple | list) else outputs)
-
-    return act
-
-
-def _check_code(path: Path) -> None:
-    try:
-        with zipfile.ZipFile(path) as file:
-            code = [file.read(name) for name in file.namelist() if "/code/" in name and name.endswith(".py")]
-    except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise UsageError(f"{path} is no file of PyTorch: {cause(error)}") from error
-    if not code:
-        rule = "what torch.jit.save wrote, or a state_dict with --architecture 'mlp[4,64,64,21;relu]'"
-        raise UsageError(f"{path} is no TorchScript; expected is {rule}")
-    if any(_AT_LOADING in text for text in code):
-        raise _does_more(path, _AT_LOADING.decode())
-
-
-def _does_more(path: Path, name: str) -> UsageError:
-    return UsageError(f"{path}: its program has {name}, which is more than to compute; export it as ONNX")
-
-
-def _operators(block: Any) -> Iterator[str]:
-    for node in block.nodes():
-        yield node.kind()
-        for inner in node.blocks():
-            yield from _operators(inner)
-        for name in node.attributeNames():
-            if node.kindOf(name) == "g":
-                yield from _operators(node.g(name))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from stlbench.gate.judge import Judgement, judge
 from stlbench.gate.snapshot import Sample, Snapshot, load
@@ -40,7 +41,8 @@ def test_equal_code_is_no_worse() -> None:
     assert judge(BASE, BASE).verdict == "no worse"
 
 
-def test_a_tenth_lost_in_one_setting_is_found_there_and_nowhere_else() -> None:
-    places = [SETTINGS[number % len(SETTINGS)] for number in range(60)]
+@pytest.mark.parametrize("count", [10, pytest.param(60, marks=pytest.mark.slow)])
+def test_a_tenth_lost_in_one_setting_is_found_there_and_nowhere_else(count: int) -> None:
+    places = [SETTINGS[number % len(SETTINGS)] for number in range(count)]
     found = [worse(judged(number, where, tenth_lost)) == {(where, "robustness")} for number, where in enumerate(places)]
-    assert sum(found) >= 59
+    assert sum(found) >= count * 59 / 60

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stlbench.gate.cost import MOST, Turn, judge_costs, judge_turns, unclear
-from stlbench.gate.judge import COSTS, Comparison, Verdict
+from stlbench.gate.judge import COSTS, MOST, Comparison, Turn, Verdict, judge_costs, judge_turns, unclear
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId
 
@@ -147,24 +146,18 @@ def settled(ratios: Iterator[float]) -> Verdict:
 
 @pytest.mark.parametrize("machine", MACHINES)
 @pytest.mark.parametrize("turned", [False, True], ids=["as measured", "sides exchanged"])
-class TestErrorRates:
+@pytest.mark.parametrize("step", [20, pytest.param(1, marks=pytest.mark.slow)])
+def test_equal_code_is_worse_once_in_200_runs_at_most_and_1_3_times_as_long_is_found_in_59_of_60(
+    machine: str, turned: bool, step: int
+) -> None:
     """A run begins at any recorded turn and goes on with those that followed it, as they came."""
-
-    def ratios(self, machine: str, begin: int, turned: bool, factor: float = 1.0) -> Iterator[float]:
-        every = np.array([ratio for run in recorded(machine, "CPU") for ratio in run])
-        return iter(factor * np.roll(1 / every if turned else every, -begin)[:MOST])
-
-    def starts(self, machine: str) -> range:
-        return range(sum(map(len, recorded(machine, "CPU"))))
-
-    def test_equal_code_is_called_worse_at_most_once_in_200(self, machine: str, turned: bool) -> None:
-        found = [settled(self.ratios(machine, begin, turned)) for begin in self.starts(machine)]
-        assert len(found) >= 200
-        assert found.count("worse") <= len(found) / 200
-
-    def test_training_that_takes_1_3_times_as_long_is_found_in_59_of_60(self, machine: str, turned: bool) -> None:
-        found = [settled(self.ratios(machine, begin, turned, 1.3)) for begin in self.starts(machine)]
-        assert found.count("worse") >= len(found) * 59 / 60
+    every = np.array([ratio for run in recorded(machine, "CPU") for ratio in run])
+    assert len(every) >= 200
+    turned_to = 1 / every if turned else every
+    begins = [np.roll(turned_to, -begin)[:MOST] for begin in range(0, len(every), step)]
+    equal, slower = ([settled(iter(factor * ratios)) for ratios in begins] for factor in (1.0, 1.3))
+    assert equal.count("worse") <= len(begins) / 200
+    assert slower.count("worse") >= len(begins) * 59 / 60
 
 
 def test_the_page_says_how_the_recorded_runs_ended() -> None:

@@ -22,21 +22,23 @@ def names(path) -> list[str]:
         return archive.namelist()
 
 
-def test_it_has_results_tables_policies_and_a_citation(site, tmp_path) -> None:
+def test_it_has_results_tables_policies_and_a_citation_and_traces_if_asked(site, tmp_path) -> None:
     path, packed = bundles.packed(site, tmp_path)
-    found = names(path)
-    policy = next(name for name in found if name.startswith("policies/"))
-    assert sorted(found) == sorted(["cells.jsonl", "report.md", policy, "CITATION.cff", "ro-crate-metadata.json"])
+    policy = next(name for name in names(path) if name.startswith("policies/"))
+    files = ["cells.jsonl", "report.md", policy, "CITATION.cff", "ro-crate-metadata.json"]
+    assert sorted(names(path)) == sorted(files)
     assert (packed.cells, packed.policies, packed.files, packed.size) == (1, 1, 4, path.stat().st_size)
-
-
-def test_traces_come_along_when_asked(site, tmp_path) -> None:
-    path, _ = bundles.packed(site, tmp_path, traces=True)
-    assert sum(name.startswith("traces/") for name in names(path)) == 1
-
-
-def test_unzipped_it_is_a_folder_of_results(site, tmp_path) -> None:
-    path, _ = bundles.packed(site, tmp_path)
+    again = tmp_path / "again.zip"
+    pack(tmp_path / "results", again, bundles.ABOUT)
+    assert again.read_bytes() == path.read_bytes()
+    pack(tmp_path / "results", again, replace(bundles.ABOUT, authors=()), traces=True)
+    (traces,) = (name for name in names(again) if name.startswith("traces/"))
+    assert sorted(names(again)) == sorted([*(name for name in files if name != "CITATION.cff"), traces])
+    for target, said in (("b.tar", "its name ends in .zip"), ("results/report.md/b.zip", "cannot write")):
+        with pytest.raises(UsageError, match=said):
+            pack(tmp_path / "results", tmp_path / target, bundles.ABOUT)
+    with pytest.raises(UsageError, match="there is neither"):
+        pack(tmp_path / "nowhere", tmp_path / "b.zip", bundles.ABOUT)
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path / "unzipped")
     own, there = (list(stored.read(tmp_path / name)) for name in ("results", "unzipped"))
@@ -44,15 +46,8 @@ def test_unzipped_it_is_a_folder_of_results(site, tmp_path) -> None:
     assert Results.load(tmp_path / "unzipped").policy(own[0].id.name).policy.action == 0
 
 
-def test_equal_results_give_equal_bundles(site, tmp_path) -> None:
-    path, _ = bundles.packed(site, tmp_path)
-    pack(tmp_path / "results", tmp_path / "again.zip", bundles.ABOUT)
-    assert (tmp_path / "again.zip").read_bytes() == path.read_bytes()
-
-
-def test_the_metadata_are_those_of_an_ro_crate(site, tmp_path) -> None:
-    path, _ = bundles.packed(site, tmp_path)
-    with zipfile.ZipFile(path) as archive:
+def test_the_metadata_are_those_of_an_ro_crate(bundle) -> None:
+    with zipfile.ZipFile(bundle) as archive:
         document = json.loads(archive.read("ro-crate-metadata.json"))
         assert document["@context"] == "https://w3id.org/ro/crate/1.2/context"
         entries = {entry["@id"]: entry for entry in document["@graph"]}
@@ -69,27 +64,9 @@ def test_the_metadata_are_those_of_an_ro_crate(site, tmp_path) -> None:
             assert entries[name]["contentSize"] == str(len(data))
 
 
-def test_the_citation_says_what_was_said_whatever_it_was(site, tmp_path) -> None:
-    path, _ = bundles.packed(site, tmp_path)
-    with zipfile.ZipFile(path) as archive:
+def test_the_citation_says_what_was_said_whatever_it_was(bundle) -> None:
+    with zipfile.ZipFile(bundle) as archive:
         citation = yaml.safe_load(archive.read("CITATION.cff"))
     assert citation["title"] == 'A study: of "lines"'
     assert [author["name"] for author in citation["authors"]] == ["Ada Lovelace", "O'Neil & Sons"]
     assert (citation["type"], citation["license"]) == ("dataset", "CC0-1.0")
-
-
-def test_without_authors_there_is_no_citation(site, tmp_path) -> None:
-    folder = bundles.folder_of_results(site, tmp_path / "results")
-    pack(folder, tmp_path / "b.zip", replace(bundles.ABOUT, authors=()))
-    assert "CITATION.cff" not in names(tmp_path / "b.zip")
-
-
-@pytest.mark.parametrize(
-    ("target", "said"), [("b.tar", "its name ends in .zip"), ("results/report.md/b.zip", "cannot write")]
-)
-def test_what_cannot_be_packed_is_one_line(site, tmp_path, target, said) -> None:
-    folder = bundles.folder_of_results(site, tmp_path / "results")
-    with pytest.raises(UsageError, match=said):
-        pack(folder, tmp_path / target, bundles.ABOUT)
-    with pytest.raises(UsageError, match="there is neither"):
-        pack(tmp_path / "nowhere", tmp_path / "b.zip", bundles.ABOUT)

@@ -13,11 +13,6 @@ from stlbench.rollout.questions import ask_here
 from stlbench.share.rescored import Rescored, read_bundles, rescore
 
 
-@pytest.fixture
-def bundle(site, tmp_path):
-    return bundles.packed(site, tmp_path)[0]
-
-
 def here(monkeypatch):
     """Score in this process, whose functions a test can exchange."""
     monkeypatch.setattr("stlbench.share.rescored.ask", lambda questions, _: ask_here(questions))
@@ -34,27 +29,21 @@ def main_score(change):
     return changed
 
 
+def better(score):
+    return replace(score, robustness=tuple(value + 0.5 for value in score.robustness))
+
+
 def test_what_was_recorded_is_found_again(bundle) -> None:
     (found,) = rescore(bundle)
     assert (found.cell.name, found.verdict) == ("zz-line/raw/zz-kept/0", "as recorded")
     assert found.found == found.recorded
 
 
-def test_a_claim_is_not_believed(bundle, tmp_path) -> None:
-    better = lambda score: replace(score, robustness=tuple(value + 0.5 for value in score.robustness))  # noqa: E731
-    (found,) = rescore(bundles.claiming(bundle, tmp_path / "claim.zip", main_score(better)))
-    assert found.verdict == "claims more"
-    assert found.recorded[MAIN].mean == pytest.approx(found.found[MAIN].mean + 0.5)
-
-
-def test_a_report_of_bundles_has_the_scores_that_are_found_and_not_the_claimed(bundle, tmp_path) -> None:
-    better = lambda score: replace(score, robustness=tuple(value + 0.5 for value in score.robustness))  # noqa: E731
-    claim = bundles.claiming(bundle, tmp_path / "claim.zip", main_score(better))
-    said = list[tuple[str, str]]()
-    claimed, (again,) = (
-        read_bundles([claim], False, print)[0],
-        read_bundles([claim], True, lambda *told: said.append(told)),
-    )
+def test_a_report_of_bundles_has_the_scores_that_are_found_and_not_the_claimed(bundle, tmp_path, monkeypatch) -> None:
+    here(monkeypatch)
+    claim, said = bundles.claiming(bundle, tmp_path / "claim.zip", main_score(better)), list[tuple[str, str]]()
+    (claimed,) = read_bundles([claim], False, print)
+    (again,) = read_bundles([claim], True, lambda *told: said.append(told))
     assert said == [("zz-line/raw/zz-kept/0", "claims more")]
     assert (claimed.is_fine, again.is_fine) == (True, False)
     assert str(again.results[0].id.method) == "raw[bundle=claim]"
@@ -62,30 +51,21 @@ def test_a_report_of_bundles_has_the_scores_that_are_found_and_not_the_claimed(b
     assert means[0] == pytest.approx(means[1] + 0.5)
 
 
-def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
-    def nowhere(*_):
-        raise UsageError("there is no task 'zz-line'")
-
-    here(monkeypatch)
-    monkeypatch.setattr("stlbench.study.policies.own_task", nowhere)
-    (found,) = rescore(bundle)
-    assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
-
-
-def test_whatever_a_policy_does_the_next_is_scored(bundle, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("place", "error", "why"),
+    [
+        ("study.policies.own_task", UsageError("there is no task 'zz-line'"), "there is no task 'zz-line'"),
+        ("share.rescored.score_again", IndexError("no such layer"), "IndexError: no such layer"),
+    ],
+)
+def test_why_a_policy_cannot_be_scored_is_said(bundle, monkeypatch, place, error, why) -> None:
     def fails(*_):
-        raise IndexError("no such layer")
+        raise error
 
     here(monkeypatch)
-    monkeypatch.setattr("stlbench.share.rescored.score_again", fails)
+    monkeypatch.setattr(f"stlbench.{place}", fails)
     (found,) = rescore(bundle)
-    assert (found.verdict, found.why) == ("not scored", "IndexError: no such layer")
-
-
-def test_a_damaged_bundle_is_not_scored(bundle, tmp_path) -> None:
-    path = bundles.changed(bundle, tmp_path / "b.zip", {"report.md": None})
-    with pytest.raises(UsageError, match=r"is not scored: report.md: missing"):
-        list(rescore(path))
+    assert (found.found, found.verdict, found.why) == (None, "not scored", why)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.share.source import digest, find_source, load_function
+from stlbench.share.source import Source, find_source, load_function
 
 
 @pytest.fixture
@@ -62,9 +62,10 @@ def test_what_names_nothing(here: Path, text: str, message: str) -> None:
 def test_a_function_of_the_working_directory(here: Path) -> None:
     (here / "zz_mine.py").write_text("def act(observation): return observation + 1\n")
     assert load_function("zz_mine:act")(np.zeros(2)).tolist() == [1, 1]
-    before = digest("zz_mine:act")
+    source = Source("function", "zz_mine:act")
+    before = source.digest
     (here / "zz_mine.py").write_text("def act(observation): return observation + 2\n")
-    assert digest("zz_mine:act") != before
+    assert source.digest != before
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import builtins
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.referee import Referee
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
-from stlbench.share.torch_files import load_state_dict, load_torchscript
+from stlbench.share.torch_files import load_state_dict
 from stlbench.task import load_task
 
 SEEN = np.random.default_rng(0).normal(size=(200, 4))
@@ -66,14 +65,7 @@ def test_a_state_dict_acts_as_its_module(tmp_path: Path, activation: str, kind: 
     assert len(np.unique(found.argmax(axis=1))) > 2
 
 
-@pytest.mark.parametrize("compiled", [torch.jit.script, lambda net: torch.jit.trace(net, torch.zeros(1, 4))])
-def test_torchscript_acts_as_its_module(tmp_path: Path, compiled: Callable[[Any], Any]) -> None:
-    module = made(Net())
-    torch.jit.save(compiled(module), tmp_path / "q.pt")
-    assert load_torchscript(tmp_path / "q.pt")(SEEN) == pytest.approx(expected(module), rel=1e-6)
-
-
-def test_both_are_scored_as_the_policy_itself(tmp_path: Path) -> None:
+def test_it_is_scored_as_the_policy_itself(tmp_path: Path) -> None:
     """A grid of 21 x 9 actions: the action with the greatest value."""
     task = load_task("hold-disc-coarse")
     size = task.system.features(task.starts.report_and_selection()[0][:1], np.array([0])).shape[1] + 1
@@ -85,12 +77,10 @@ def test_both_are_scored_as_the_policy_itself(tmp_path: Path) -> None:
             with torch.no_grad():
                 return module(torch.as_tensor(observation, dtype=torch.float32)).argmax(1).numpy()
 
-    torch.jit.save(torch.jit.script(module), tmp_path / "q.pt")
     written(tmp_path / "q.pth", module.state_dict())
     own = Referee(task, Unpaid(task.specification), 20).assess(Greedy())
-    for name, form in (("q.pt", None), ("q.pth", f"mlp[{size},32,189;tanh]")):
-        found = score(task, find_source(str(tmp_path / name), form), Shown(), 20)
-        assert found.measurement.selected == own.scores
+    found = score(task, find_source(str(tmp_path / "q.pth"), f"mlp[{size},32,189;tanh]"), Shown(), 20)
+    assert found.measurement.selected == own.scores
     assert own.scores[MAIN].robustness != own.scores["paper"].robustness
 
 
@@ -157,77 +147,19 @@ def test_state_dicts_that_do_not_fit(tmp_path: Path, content: Any, form: str, me
     assert "weights_only" not in str(caught.value)  # no advice to run what is in the file
 
 
-class Writes(torch.nn.Module):
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        torch.save(x, "written")
-        return x
-
-
-class Maps(torch.nn.Module):
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        if bool(x.sum() > 1e9):
-            x = x + torch.from_file("written", shared=True, size=4)
-        return x
-
-
-class Loads(torch.nn.Module):
-    @torch.jit.export
-    def __getstate__(self) -> bool:
-        return self.training
-
-    @torch.jit.export
-    def __setstate__(self, state: bool) -> None:
-        self.training = state
-        torch.save(torch.zeros(1), "written")
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return x
-
-
-class Forks(torch.nn.Module):
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return torch.jit.wait(torch.jit.fork(torch.relu, x))
-
-
-@pytest.mark.parametrize(
-    ("module", "name"),
-    [(Writes(), "aten::save"), (Maps(), "aten::from_file"), (Loads(), "__setstate__"), (Forks(), "prim::fork")],
-)
-def test_a_program_that_does_more_than_compute_is_not_run(
-    tmp_path: Path, module: torch.nn.Module, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    torch.jit.save(torch.jit.script(module), "q.pt")
-    with pytest.raises(UsageError, match=f"its program has {name}, which is more than to compute"):
-        load_torchscript(Path("q.pt"))
-    assert not Path("written").exists()
-
-
-def test_torchscript_that_cannot_be_used(tmp_path: Path) -> None:
+def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
     class Trap:
         def __reduce__(self) -> tuple[Any, ...]:
             return Path.touch, (tmp_path / "run",)
 
     (tmp_path / "text.pt").write_text("garbage")
     (tmp_path / "pickle.pt").write_bytes(pickle.dumps(Trap()))
-    written(tmp_path / "dict.pt", weights())
-    for name, message in (
-        ("text.pt", "text.pt is no file of PyTorch: BadZipFile"),
-        ("pickle.pt", "pickle.pt is no file of PyTorch"),
-        ("dict.pt", r"dict.pt is no TorchScript; expected is what torch.jit.save wrote, or a state_dict with --arch"),
-    ):
-        with pytest.raises(UsageError, match=message):
-            load_torchscript(tmp_path / name)
-    for name in ("text.pt", "pickle.pt"):
+    written(tmp_path / "trap.pt", {"first.weight": Trap()})
+    torch.jit.save(torch.jit.script(made(Net())), tmp_path / "script.pt")
+    for name in ("text.pt", "pickle.pt", "trap.pt", "script.pt"):
         with pytest.raises(UsageError, match="is no state_dict that can be read without running it"):
             load_state_dict(tmp_path / name, FORM, 4)
     assert not (tmp_path / "run").exists()
-    module = made(Net())
-    with torch.no_grad():
-        module.last.bias[0] = torch.inf  # type: ignore[index,union-attr]
-    torch.jit.save(torch.jit.script(module), tmp_path / "nan.pt")
-    with pytest.raises(UsageError, match="has weights that are NaN or infinite"):
-        load_torchscript(tmp_path / "nan.pt")
 
 
 def test_without_torch_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -240,9 +172,8 @@ def test_without_torch_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
 
     path = written(tmp_path / "q.pt", weights())
     monkeypatch.setattr(builtins, "__import__", without)
-    for read in (lambda: load_torchscript(path), lambda: load_state_dict(path, FORM, 4)):
-        with pytest.raises(UsageError, match=r"q.pt needs PyTorch: pip install \"stlbench-rl\[sb3\]\""):
-            read()
+    with pytest.raises(UsageError, match=r"q.pt needs PyTorch: pip install \"stlbench-rl\[sb3\]\""):
+        load_state_dict(path, FORM, 4)
 
 
 def test_an_architecture_and_a_table_are_for_what_has_a_use_for_them(tmp_path: Path) -> None:
@@ -251,6 +182,9 @@ def test_an_architecture_and_a_table_are_for_what_has_a_use_for_them(tmp_path: P
         UsageError, match=r"my:act: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it"
     ):
         find_source("my:act", FORM)
+    (tmp_path / "q.pt").write_bytes(b"")
+    with pytest.raises(UsageError, match=r"q.pt: a file of PyTorch has weights and no network; say --architecture"):
+        find_source(str(tmp_path / "q.pt"))
     for policy in (str(tmp_path / "t.csv"), "hold-disc/funnel/dqn/0"):
         with pytest.raises(UsageError, match="--actions is for a policy from outside that acts; leave it out"):
             find_source(policy, None, "own.csv")

@@ -61,15 +61,20 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
         grid = figure.add_gridspec(rows, 2 if wide else 1)
     else:
         grid = figure.add_gridspec(rows + 1, 1, height_ratios=[*[1.1] * rows, _PLANE])
-    in_time = [figure.add_subplot(grid[0, 0])]
-    in_time += [figure.add_subplot(grid[row, 0], sharex=in_time[0]) for row in range(1, rows)]
+    in_time = [figure.add_subplot(grid[row, 0]) for row in range(rows)]
+    for axes in in_time[1:]:
+        axes.sharex(in_time[0])
     drawn = set(_signals(in_time[: len(task.signals)], task, trace, here))
     if rows > len(task.signals):
         _margin(in_time[-1], task, trace, here)
     in_time[-1].set_xlabel(time_label(task))
     in_time[-1].tick_params(labelbottom=True)
     if wide:
-        drawn |= set(_plane(figure.add_subplot(grid[:, 1] if side_by_side else grid[rows, 0]), task, trace, here))
+        axes = figure.add_subplot(grid[:, 1] if side_by_side else grid[rows, 0])
+        view = plane.lay_out(axes, task, trace[None])
+        plane.draw_traces(axes, task, view, trace[None])
+        axes.plot(*trace[here.step, list(view.columns)], "o", color=MARK, markersize=6, zorder=8, clip_on=False)
+        drawn |= set(view.drawn)
     mark = layout.key_of(textwrap.fill(here.explanation, _LETTERS), linestyle="", marker="o", color=MARK, markersize=5)
     return layout.finish(figure, title, [mark, *(layout.term_patch(i, str(parts(task)[i])) for i in sorted(drawn))], 1)
 
@@ -105,7 +110,8 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> lis
 def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
     assert here.witness is not None
     predicate, step, margin = here.witness.predicate, here.step, here.witness.margin
-    margins = margins_of(task, predicate, trace)
+    with np.errstate(all="ignore"):
+        margins = np.broadcast_to(stl.margin(predicate, task.signals)(trace), len(trace))
     axes.axhline(0, color=layout.LEVEL, linewidth=0.9)
     axes.plot(margins, "-", color=TRACE, linewidth=1.0)
     axes.vlines(step, min(0.0, margin), max(0.0, margin), color=MARK, linewidth=1.8, zorder=5)
@@ -119,19 +125,6 @@ def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
     axes.grid(alpha=0.25)
     axes.set_title(f"margin of {predicate}", fontsize=now().small, loc="left", family="monospace")
     axes.set_ylabel(f"margin\n[{robustness_unit(task, predicate)}]")
-
-
-def margins_of(task: Task, predicate: stl.Predicate | stl.TrueFormula, trace: Array) -> Array:
-    """The margin of a predicate at every step of a trace (t + 1, k): (t + 1,)."""
-    with np.errstate(all="ignore"):
-        return np.broadcast_to(stl.margin(predicate, task.signals)(trace), len(trace))
-
-
-def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]:
-    view = plane.lay_out(axes, task, trace[None])
-    plane.draw_traces(axes, task, view, trace[None])
-    axes.plot(*trace[here.step, list(view.columns)], "o", color=MARK, markersize=6, zorder=8, clip_on=False)
-    return view.drawn
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ A figure whose files were drawn from the same is not drawn again: matplotlib alo
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -31,7 +31,7 @@ from stlbench.report.tables.table import Width
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stlbench.report.report import Report
+    from stlbench.report import Report
 
 _HEAD = 4096  # the first bytes of a file, which have the digest
 _ENDS = ("png", "svg", "pdf")
@@ -68,9 +68,12 @@ class Drawing:
         A PDF has no digest within its first bytes; it is written before the others, which have it.
         """
         source = sha256(repr((_code(), now(), self.name, self.values)).encode()).hexdigest()
-        png, svg, pdf = paths = [folder / f"{self.name}.{end}" for end in _ENDS]
-        if pdf.is_file() and all(source.encode() in _head(path) for path in (png, svg)):
-            return paths
+        *noted, pdf = paths = [folder / f"{self.name}.{end}" for end in _ENDS]
+        try:
+            if pdf.is_file() and all(source.encode() in path.read_bytes()[:_HEAD] for path in noted):
+                return paths
+        except OSError:
+            pass  # a file is missing
         return save(self.draw(), folder, self.name, source)
 
 
@@ -81,14 +84,6 @@ def _code() -> tuple[str, ...]:
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         code.update(path.read_bytes())
     return stlbench.__version__, metadata.version("matplotlib"), code.hexdigest()
-
-
-def _head(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(_HEAD)
-    except OSError:
-        return b""
 
 
 def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path]:
@@ -110,7 +105,7 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
         note.add_text("Source", source)
     colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     colours.save(few, format="png", optimize=True, pnginfo=note)
-    contents = {"pdf": pdf.getvalue(), "svg": _svg(figure, source=source), "png": few.getvalue()}
+    contents = {"pdf": pdf.getvalue(), "svg": svg_of(figure, source), "png": few.getvalue()}
     for end, content in contents.items():
         write(folder / f"{name}.{end}", content)
     return [folder / f"{name}.{end}" for end in _ENDS]
@@ -118,20 +113,16 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
 
 def save_svg(figure: Figure, path: Path) -> None:
     """Write the figure as SVG alone, the same bytes whenever it is drawn again."""
-    path.write_bytes(_svg(figure))
+    path.write_bytes(svg_of(figure))
 
 
-def svg_of(figure: Figure) -> bytes:
-    """The figure as SVG without a background, letters as shapes: it looks the same without its font."""
-    return _svg(figure, {"svg.fonttype": "path"}, transparent=True)
-
-
-def _svg(figure: Figure, settings: Mapping[str, str] | None = None, source: str = "", **options: bool) -> bytes:
+def svg_of(figure: Figure, source: str = "", *, alone: bool = False) -> bytes:
+    """The figure as SVG; if `alone`, without a background and letters as shapes: it looks the same without its font."""
     import matplotlib as mpl
 
     file = BytesIO()
-    with mpl.rc_context(rc() | dict(settings or {})):
-        figure.savefig(file, format="svg", metadata={"Date": None, "Identifier": source or None}, **options)
+    with mpl.rc_context(rc() | ({"svg.fonttype": "path"} if alone else {})):
+        figure.savefig(file, format="svg", metadata={"Date": None, "Identifier": source or None}, transparent=alone)
     return file.getvalue()
 
 
@@ -192,18 +183,12 @@ def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
         "Interquartile means of the methods over all tasks, and the share of runs above each score; the table "
         "across tasks has the numbers"
     )
-    by_kind = dict[tuple[str, str], list[Field]]()
-    for field in fields:
-        by_kind.setdefault((field.budget, field.track), []).append(field)
-    return [
-        Drawing(
-            file_name("across", *kind),
-            label,
-            ("across", "across_tasks"),
-            (several, {entry.method: colours[entry.method] for entry in several[0].entries}),
-        )
-        for kind, several in by_kind.items()
-    ] + _ranks(fields, colours)
+    drawings = list[Drawing]()
+    for kind, members in groupby(fields, key=lambda field: (field.budget, field.track)):
+        several = tuple(members)
+        own = {entry.method: colours[entry.method] for entry in several[0].entries}
+        drawings.append(Drawing(file_name("across", *kind), label, ("across", "across_tasks"), (several, own)))
+    return drawings + _ranks(fields, colours)
 
 
 def _ranks(fields: Sequence[Field], colours: Colours) -> list[Drawing]:

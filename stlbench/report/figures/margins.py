@@ -64,7 +64,10 @@ def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, u
     axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     if band is not None:
-        _band(axes, band)
+        t = np.arange(band.start, band.start + len(band.lower))
+        axes.fill_between(t, band.lower, band.upper, color=BOUNDS, alpha=0.12, linewidth=0, zorder=1)
+        for bound in (band.lower, band.upper):
+            axes.plot(t, bound, "--", color=BOUNDS, linewidth=1.1, zorder=6)
     _traces(axes, margins, term, colour)
     label = f"robustness of psi\n[{unit}]"
     low, best = task.specification.range(term.psi)
@@ -89,13 +92,6 @@ def _traces(axes: Axes, margins: Array, term: Term, colour: str) -> None:
     for i in np.unique(np.linspace(0, len(order) - 1, _SINGLE_TRACES).round().astype(np.int64)):
         axes.plot(t, margins[order[i]], color=ONE_TRACE, linewidth=0.4, alpha=0.7, zorder=4)
     axes.plot(t, middle, color=colour, linewidth=1.3, zorder=5)
-
-
-def _band(axes: Axes, band: Band) -> None:
-    t = np.arange(band.start, band.start + len(band.lower))
-    axes.fill_between(t, band.lower, band.upper, color=BOUNDS, alpha=0.12, linewidth=0, zorder=1)
-    for bound in (band.lower, band.upper):
-        axes.plot(t, bound, "--", color=BOUNDS, linewidth=1.1, zorder=6)
 
 
 def _keys(bands: Sequence[Band], shown: bool, colour: str) -> list[Artist]:
@@ -132,8 +128,6 @@ def _bands(task: Choice, method: Choice) -> tuple[Band, ...]:
         built = build_method(load_task(task), method)
     except (Unsuitable, Intractable):
         return ()
-    return tuple(map(_plain, built.band())) if isinstance(built, Banded) else ()
-
-
-def _plain(band: Band) -> Band:
-    return Band(band.term, int(band.start), *(np.asarray(each, dtype=np.float64) for each in (band.lower, band.upper)))
+    bands = built.band() if isinstance(built, Banded) else ()
+    plain = ([np.asarray(bound, dtype=np.float64) for bound in (band.lower, band.upper)] for band in bands)
+    return tuple(Band(band.term, int(band.start), *bounds) for band, bounds in zip(bands, plain, strict=True))

@@ -53,9 +53,8 @@ def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> Vi
     places = traces[..., list(columns)].reshape(-1, 2)
     visible, drawn = [places[~_outside(ranges, places)]], list[int]()
     for i, part in enumerate(parts(task)):
-        margin_and_truth = region(task, part.psi, grid, names)
-        if margin_and_truth is not None:
-            margin, inside = margin_and_truth
+        if (found := region(task, part.psi, grid, names)) is not None:
+            margin, inside = found
             _fill(axes, grid, margin, inside, i)
             at = zip(grid, inside.nonzero(), strict=True)
             visible.append(np.column_stack([values[index] for values, index in at]))
@@ -73,8 +72,7 @@ def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: in
     colour, hatch = term_style(i)
     levels, fill = (0.5, 1.5), to_rgba(colour, layout.REGION_ALPHA)
     filled = axes.contourf(*grid, inside.T.astype(float), levels=levels, colors=[fill], hatches=[hatch], zorder=1)
-    filled.set_edgecolor(colour)  # of the hatch
-    filled.set_linewidth(0)
+    filled.set(edgecolor=colour, linewidth=0)  # the edge is the colour of the hatch
     axes.contour(*grid, margin.T, levels=(0.0,), colors=[colour], linewidths=1.0, zorder=2)
 
 

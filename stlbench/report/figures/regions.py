@@ -52,12 +52,11 @@ def _parts(within: Part) -> Iterator[Part]:
                 yield from _parts(within._replace(psi=arg))
         case Always(a, b, arg) | Eventually(a, b, arg):
             yield from _parts(_inside(within, f"{formula.letter}[{a},{b}]", arg, a, b))
-        case Until(a, b, left, right):
-            yield from _parts(_inside(within, f"until U[{a},{b}]", left, 0, b))
-            yield from _parts(_inside(within, f"U[{a},{b}]", right, a, b))
-        case Release(a, b, left, right):
-            yield from _parts(_inside(within, f"releases R[{a},{b}]", left, 0, b))
-            yield from _parts(_inside(within, f"R[{a},{b}]", right, a, b))
+        case Until(a, b, left, right) | Release(a, b, left, right):
+            word = "until" if isinstance(formula, Until) else "releases"
+            letter = word[0].upper()
+            yield from _parts(_inside(within, f"{word} {letter}[{a},{b}]", left, 0, b))
+            yield from _parts(_inside(within, f"{letter}[{a},{b}]", right, a, b))
         case _ if (pushed := stl.negations_inside(formula)) != formula:
             yield from _parts(within._replace(psi=pushed))
         case _:  # of the past, which has no steps of its own
@@ -97,12 +96,10 @@ def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]
         return None
     few = min(_MOST_VALUES, (_SAMPLES / math.prod(map(len, axes))) ** (1 / max(1, len(hidden))))
     count = int(few) // 2 * 2 + 1  # with the middle of the range among them
-    values = []
-    for name, low, high in zip(task.signals, specification.low, specification.high, strict=True):
-        if name in names:
-            values.append(axes[list(names).index(name)])
-        else:
-            values.append(np.linspace(low, high, count) if name in hidden else np.array([low]))
+    values = [
+        axes[list(names).index(name)] if name in names else np.linspace(low, high, count if name in hidden else 1)
+        for name, low, high in zip(task.signals, specification.low, specification.high, strict=True)
+    ]
     samples = np.stack(np.meshgrid(*values, indexing="ij"), axis=-1)
     left_out = tuple(i for i, name in enumerate(task.signals) if name not in names)
     margin = specification.margin(psi)(samples).max(axis=left_out)

@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from stlbench import stl
-from stlbench.contract import Array, Truth
+from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import parts, region, signal_label, time_label
 from stlbench.report.figures.style import TRACE, now, styled, term_style
@@ -120,12 +120,6 @@ def part_keys(task: Task, drawn: Sequence[int], letters: int = 72) -> list[Artis
     return keys
 
 
-def _runs(truth: Truth) -> list[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], truth, [False]]).astype(np.int8)))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
-
-
 def signals_in_time(rows: Sequence[Axes], task: Task, traces: Array, **line: Any) -> list[int]:
     """Draw traces (N, t + 1, k), one row for each signal; and when each part of the formula is read, and with which
     values of the signal it can hold then.
@@ -143,13 +137,11 @@ def signals_in_time(rows: Sequence[Axes], task: Task, traces: Array, **line: Any
             drawn.add(i)
             axes.axvspan(part.start, part.end, color=READ, linewidth=0, zorder=0)
             colour, hatch = term_style(i)
-            look: dict[str, Any] = {
-                "facecolor": to_rgba(colour, 2 * layout.REGION_ALPHA),
-                "edgecolor": colour,
-                "hatch": hatch,
-            }
-            for first, last in _runs(shadow[1]):
-                size = part.end - part.start, grid[last] - grid[first]
+            fill = to_rgba(colour, 2 * layout.REGION_ALPHA)
+            look: dict[str, Any] = {"facecolor": fill, "edgecolor": colour, "hatch": hatch}
+            edges = np.flatnonzero(np.diff(shadow[1].astype(np.int8), prepend=0, append=0))
+            for first, end in edges.reshape(-1, 2):  # each run of values with which the part can hold
+                size = part.end - part.start, grid[end - 1] - grid[first]
                 axes.add_patch(Rectangle((part.start, grid[first]), *size, zorder=1, **look))
         axes.plot(values.T, zorder=4, **line)
         axes.set_xlim(0, task.file.steps)

@@ -30,14 +30,14 @@ class Estimate(NamedTuple):
 
 
 def mean(runs: Runs) -> Estimate:
-    return _single(lambda *drawn, axis: np.concatenate(drawn, axis).mean(axis), runs)
+    return _estimates(lambda *drawn, axis: np.concatenate(drawn, axis).mean(axis), runs)[0]
 
 
 def middle(runs: Runs) -> Estimate:
     """The interquartile mean of all runs of all tasks together."""
     from scipy import stats
 
-    return _single(lambda *drawn, axis: stats.trim_mean(np.concatenate(drawn, axis), 0.25, axis), runs)
+    return _estimates(lambda *drawn, axis: stats.trim_mean(np.concatenate(drawn, axis), 0.25, axis), runs)[0]
 
 
 def improvement(one: Runs, other: Runs) -> Estimate:
@@ -57,7 +57,7 @@ def improvement(one: Runs, other: Runs) -> Estimate:
         pairs = zip(drawn[: len(one)], drawn[len(one) :], strict=True)
         return np.asarray(np.mean([share(*pair, axis) for pair in pairs], axis=0))
 
-    return _single(wins, [*one, *other])
+    return _estimates(wins, [*one, *other])[0]
 
 
 def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]:
@@ -88,7 +88,7 @@ def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]
             placed[task, list(fitting)] = stats.rankdata(-centres[list(fitting.values())], axis=0)
         return np.asarray(np.nanmean(placed, axis=0))
 
-    return _estimates(*_bootstrapped(places, strata))
+    return _estimates(places, strata)
 
 
 def profile(runs: Runs, thresholds: Array) -> list[Estimate]:
@@ -98,31 +98,18 @@ def profile(runs: Runs, thresholds: Array) -> list[Estimate]:
         shares = [[(scores > threshold).mean(axis) for threshold in thresholds] for scores in drawn]
         return np.asarray(np.mean(shares, axis=0))
 
-    return _estimates(*_bootstrapped(above, runs))
+    return _estimates(above, runs)
 
 
-def _single(statistic: Callable[..., Any], strata: Runs) -> Estimate:
-    (estimate,) = _estimates(*_bootstrapped(statistic, strata))
-    return estimate
-
-
-def _estimates(values: Array, low: Array | None, high: Array | None) -> list[Estimate]:
-    listed = np.atleast_1d(values).tolist()
-    if low is None or high is None:
-        return [Estimate(value, None) for value in listed]
-    ends = zip(np.atleast_1d(low).tolist(), np.atleast_1d(high).tolist(), strict=True)
-    return [Estimate(value, Interval(*end)) for value, end in zip(listed, ends, strict=True)]
-
-
-def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, Array | None, Array | None]:
-    """The statistic of the strata, and both ends of its interval, whatever the order of the seeds.
+def _estimates(statistic: Callable[..., Any], strata: Runs) -> list[Estimate]:
+    """The numbers that a statistic of the strata has, with their intervals, whatever the order of the seeds.
 
     Time and memory are bounded, except for the time of `FEWEST_RESAMPLES` resamples of many runs.
     """
     data = [np.sort(np.asarray(seeds, dtype=np.float64)) for seeds in strata]
-    value = np.asarray(statistic(*data, axis=-1))
+    values = np.atleast_1d(statistic(*data, axis=-1)).tolist()
     if min(map(len, data)) < 2:
-        return value, None, None
+        return [Estimate(value, None) for value in values]
     from scipy import stats
 
     count = sum(map(len, data))
@@ -137,4 +124,5 @@ def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, A
         method="percentile",
         rng=np.random.default_rng(0),
     ).confidence_interval
-    return value, np.asarray(interval.low), np.asarray(interval.high)
+    ends = zip(np.atleast_1d(interval.low).tolist(), np.atleast_1d(interval.high).tolist(), strict=True)
+    return [Estimate(value, Interval(*end)) for value, end in zip(values, ends, strict=True)]

@@ -109,22 +109,21 @@ def _estimate(pair: Pair) -> _Tested:
     value = float(np.mean(sorted(pair.one)) - np.mean(sorted(pair.other)))
     if min(map(len, both)) < 2:
         return _Tested(pair, Difference(word, value))
-    ends, freedom = _welch(*both) if any(map(np.ptp, both)) else (Interval(value, value), math.inf)
+    ends, freedom = Interval(value, value), math.inf
+    if any(map(np.ptp, both)):
+        from scipy import stats
+
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore", RuntimeWarning
+            )  # seeds that agree to the last digits: the interval is right
+            test = stats.ttest_ind(sorted(pair.one), sorted(pair.other), equal_var=False)
+        limits, freedom = test.confidence_interval(LEVEL), float(test.df)
+        ends = Interval(float(limits.low), float(limits.high))
     if pair.alike:
         return _Tested(pair, Difference(word, value, ends))
     looks = exact_test(*pair.samples)
     return _Tested(pair, Difference(word, value, ends, min(look.chance for look in looks)), freedom, looks)
-
-
-def _welch(one: Sequence[float], other: Sequence[float]) -> tuple[Interval, float]:
-    """95 % interval of the difference, degrees of freedom."""
-    from scipy import stats
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # seeds that agree to the last digits: the interval is right
-        test = stats.ttest_ind(sorted(one), sorted(other), equal_var=False)
-    ends = test.confidence_interval(LEVEL)
-    return Interval(float(ends.low), float(ends.high)), float(test.df)
 
 
 def _decide(tested: _Tested, chance: float, family: int) -> Difference:
@@ -184,26 +183,33 @@ _FLOOR, _TIE = 1e-9, 1e-5
 """Of variances, where the spread of all values is 1; and of statistics: closer ones are the same but for rounding."""
 
 
+Respect = Literal["mean", "rank", "learned"]
+
+
 class Look(NamedTuple):
     """The test's result in one respect."""
 
-    what: Literal["mean", "rank", "learned"]
+    what: Respect
     chance: float  # P-value, in (0, 1]: alike methods are as far apart in any of the three respects
     sign: int  # 1 if the first is better in this respect, -1 if the other is, 0 if neither is
 
 
 @lru_cache(maxsize=4096)
-def exact_test(one: Sample, other: Sample) -> tuple[Look, Look, Look]:
+def exact_test(one: Sample, other: Sample) -> tuple[Look, ...]:
     """Compare the seeds of two methods, at least two of each. The smallest chance is the p-value of the pair.
 
     Cached, since tables and pages ask for the same pairs. Ten seeds against ten take 50 ms.
     """
     statistics = _statistics(one, other)
-    chances = [_tail(np.abs(values)) for values in statistics]
+    sizes = [np.abs(values) for values in statistics]
+    # for each deal, the share of deals whose statistic is as large as its own
+    chances = [1 - np.searchsorted(np.sort(each), each * (1 - _TIE), side="left") / len(each) for each in sizes]
     least = np.min(chances, axis=0)
-    joint = [float(np.mean(least <= own[0] * (1 + _TIE))) for own in chances]
-    mean, rank, learned = ((chance, int(np.sign(values[0]))) for chance, values in zip(joint, statistics, strict=True))
-    return Look("mean", *mean), Look("rank", *rank), Look("learned", *learned)
+    whats: tuple[Respect, ...] = ("mean", "rank", "learned")
+    return tuple(
+        Look(what, float(np.mean(least <= own[0] * (1 + _TIE))), int(np.sign(values[0])))
+        for what, own, values in zip(whats, chances, statistics, strict=True)
+    )
 
 
 def _statistics(one: Sample, other: Sample) -> list[Array]:
@@ -223,12 +229,6 @@ def _statistics(one: Sample, other: Sample) -> list[Array]:
     )
     welch = (sums[:, 0] / n - rest[:, 0] / m) / np.sqrt(squared_error + _FLOOR)
     return [welch, *((sums[:, i] - n * whole[i] / (n + m)) for i in (2, 3))]
-
-
-def _tail(sizes: Array) -> Array:
-    """For each deal, the share of deals whose statistic is as large as its own."""
-    below = np.searchsorted(np.sort(sizes), sizes * (1 - _TIE), side="left")
-    return np.asarray(1 - below / len(sizes))
 
 
 @lru_cache(maxsize=4)

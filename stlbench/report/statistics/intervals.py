@@ -50,12 +50,9 @@ def median_interval(values: Sequence[float]) -> Interval | None:
 @lru_cache
 def _outside(count: int) -> int:
     """How many of the seeds may be outside at either end."""
-    chance, total = 1 - LEVEL, 2**count
-    outside, below = 0, 1 + count
-    while 2 * below / total <= chance:
-        outside += 1
-        below += math.comb(count, outside + 1)
-    return outside
+    from scipy import stats
+
+    return max(0, int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5)) - 1)
 
 
 def mean_interval(values: Sequence[float]) -> Interval | None:
@@ -67,15 +64,13 @@ def mean_interval(values: Sequence[float]) -> Interval | None:
     return Interval(float(data.mean()) - half, float(data.mean()) + half)
 
 
+@lru_cache(maxsize=4096)
 def share_interval(successes: int, trials: int, level: float = LEVEL) -> Interval | None:
     """Exact interval of a share (Clopper and Pearson 1934), in [0, 1]; None without any trial."""
-    return _exact(successes, trials, level) if trials else None
-
-
-@lru_cache(maxsize=4096)
-def _exact(successes: int, trials: int, level: float) -> Interval:
     from scipy import stats
 
+    if not trials:
+        return None
     interval = stats.binomtest(successes, trials).proportion_ci(level, method="exact")
     return Interval(float(interval.low), float(interval.high))
 

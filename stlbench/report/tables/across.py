@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,15 @@ class Aggregate(NamedTuple):
     rank: Estimate
 
 
+class Improvement(NamedTuple):
+    """The probability that a run of the method is better than a run of the other."""
+
+    method: str
+    other: str
+    both_fit: int  # tasks
+    probability: Estimate
+
+
 @dataclass(frozen=True)
 class Field:
     """Methods that are compared over the same tasks, each by the task's own agent, with one budget on one track."""
@@ -78,15 +87,15 @@ class Field:
         )
 
     @cached_property
-    def improvements(self) -> tuple[tuple[str, str, int, Estimate], ...]:
-        """For each two methods: how many tasks both fit, and the probability that the first is better."""
+    def improvements(self) -> tuple[Improvement, ...]:
+        """One for each two methods that fit a task in common."""
         rows = []
         for (i, one), (j, other) in combinations(enumerate(self.entries), 2):
             both = [(first, second) for methods in self._by_task if (first := methods[i]) and (second := methods[j])]
             if both:
                 # runs of methods that are paid the same count as equal
                 runs, other_runs = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
-                rows.append((one.method, other.method, len(both), across.improvement(runs, other_runs)))
+                rows.append(Improvement(one.method, other.method, len(both), across.improvement(runs, other_runs)))
         return tuple(rows)
 
     @property
@@ -157,62 +166,42 @@ def _fields(budget: str, track: str, members: Sequence[Contest], known: Known) -
 
 
 def _entry(method: Choice, members: Sequence[Contest], known: Known) -> Entry:
-    groups = [group for contest in members for group in contest if group.setting.method == method]
-    scores, learned = [], []
-    for group in groups:
+    scores, learned, classes, every = list[tuple[float, ...]](), list[tuple[bool, ...]](), list[int](), list[Row]()
+    for contest in members:
+        group = next(group for group in contest if group.setting.method == method)
         low, high = _scale(group.setting.task, known) or (0.0, 1.0)
         rows = group.rows if group.done else ()
-        scores.append(tuple(_score(row, low, high) for row in rows))
+        values = [row.numbers.robustness_mean if row.numbers else math.nan for row in rows]
+        scores.append(tuple((value - low) / (high - low) if math.isfinite(value) else 0.0 for value in values))
         learned.append(tuple(row.numbers is not None and row.numbers.learned for row in rows))
-    ended = unfinished(row for group in groups for row in group.rows)
-    classes = tuple(_class(group, contest, known) for group, contest in zip(groups, members, strict=True))
-    return Entry(str(method), tuple(scores), ended, classes, tuple(learned))
+        same = [other is group or known.likeness(group.setting, other.setting) == "=" for other in contest]
+        classes.append(same.index(True))  # the place of the first method that is paid the same
+        every += group.rows
+    return Entry(str(method), tuple(scores), unfinished(every), tuple(classes), tuple(learned))
 
 
-def _class(group: Group, contest: Contest, known: Known) -> int:
-    """The place of the first method in the contest that is paid the same."""
-    same = (other is group or known.likeness(group.setting, other.setting) == "=" for other in contest)
-    return list(same).index(True)
-
-
-def _score(row: Row, low: float, high: float) -> float:
-    """0 without a result, or if the robustness is no finite number."""
-    value = row.numbers.robustness_mean if row.numbers else math.nan
-    return (value - low) / (high - low) if math.isfinite(value) else 0.0
-
-
-_FIELD: dict[Column, Callable[[Field], Value]] = {
-    Column("budget", right=False, shared=True): lambda field: field.budget,
-    Column("track", right=False, shared=True): lambda field: field.track,
-    Column("tasks", right=False, shared=True): lambda field: field.name,
+_FIELD: dict[Column, Callable[[tuple[Field, Any]], Value]] = {
+    Column("budget", right=False, shared=True): lambda row: row[0].budget,
+    Column("track", right=False, shared=True): lambda row: row[0].track,
+    Column("tasks", right=False, shared=True): lambda row: row[0].name,
 }
 
 
 def aggregates_table(several: Iterable[Field]) -> Table:
     """One row for each field and method."""
-    columns = (
-        *_FIELD,
-        Column("method", right=False),
-        Column("fits", right=False),
-        Column("runs", drop=3),
-        Column("mean", digits=3, drop=1),
-        Column("mean 95 % interval", digits=3, kind=Interval, drop=2),
-        Column("IQM", digits=3),
-        Column("IQM 95 % interval", digits=3, kind=Interval),
-        Column("rank", digits=2),
-        Column("rank 95 % interval", digits=2, kind=Interval),
-        Column("without a result", right=False),
-    )
-    rows = tuple(
-        (
-            *(value(field) for value in _FIELD.values()),
-            *(entry.method, entry.coverage, sum(map(len, entry.scores))),
-            *(part for estimate in estimates for part in estimate),
-            entry.unfinished or None,
-        )
-        for field in several
-        for entry, *estimates in field.aggregates
-    )
+    columns: dict[Column, Callable[[tuple[Field, Aggregate]], Value]] = {
+        **_FIELD,
+        Column("method", right=False): lambda row: row[1].entry.method,
+        Column("fits", right=False): lambda row: row[1].entry.coverage,
+        Column("runs", drop=3): lambda row: sum(map(len, row[1].entry.scores)),
+        Column("mean", digits=3, drop=1): lambda row: row[1].mean.value,
+        Column("mean 95 % interval", digits=3, kind=Interval, drop=2): lambda row: row[1].mean.interval,
+        Column("IQM", digits=3): lambda row: row[1].middle.value,
+        Column("IQM 95 % interval", digits=3, kind=Interval): lambda row: row[1].middle.interval,
+        Column("rank", digits=2): lambda row: row[1].rank.value,
+        Column("rank 95 % interval", digits=2, kind=Interval): lambda row: row[1].rank.interval,
+        Column("without a result", right=False): lambda row: row[1].entry.unfinished or None,
+    }
     notes = (
         "Robustness of the selected policies, normalised: 0 is what actions at random get on a task, 1 the best known, "
         "or what the controller by hand gets where that is not known. Not trivial: no constant action solves the task.",
@@ -223,26 +212,23 @@ def aggregates_table(several: Iterable[Field]) -> Table:
         "median of the seeds, 1 is the best, mean over tasks; methods that pay the same there share a place. "
         "Intervals: bootstrap over the seeds of each task.",
     )
-    return Table("Across tasks", columns, rows, notes)
+    rows = ((field, aggregate) for field in several for aggregate in field.aggregates)
+    return Table.of("Across tasks", rows, columns, notes)
 
 
 def improvement_table(several: Iterable[Field]) -> Table:
     """One row for each field and pair of methods."""
-    columns = (
-        *_FIELD,
-        Column("method", right=False),
-        Column("other", right=False),
-        Column("both fit", right=False),
-        Column("probability", digits=2),
-        Column("95 % interval", digits=2, kind=Interval),
-    )
-    rows = tuple(
-        (*(value(field) for value in _FIELD.values()), one, other, f"{both} of {len(field.tasks)}", *estimate)
-        for field in several
-        for one, other, both, estimate in field.improvements
-    )
+    columns: dict[Column, Callable[[tuple[Field, Improvement]], Value]] = {
+        **_FIELD,
+        Column("method", right=False): lambda row: row[1].method,
+        Column("other", right=False): lambda row: row[1].other,
+        Column("both fit", right=False): lambda row: f"{row[1].both_fit} of {len(row[0].tasks)}",
+        Column("probability", digits=2): lambda row: row[1].probability.value,
+        Column("95 % interval", digits=2, kind=Interval): lambda row: row[1].probability.interval,
+    }
     note = (
         "That a run of the method does better than a run of the other on the same task, mean over the tasks that both "
         "fit; 0.5 says neither does, as on a task where both pay the same."
     )
-    return Table("Probability of improvement", columns, rows, (note,))
+    rows = ((field, improvement) for field in several for improvement in field.improvements)
+    return Table.of("Probability of improvement", rows, columns, (note,))

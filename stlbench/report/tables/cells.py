@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
+from operator import attrgetter
 
 from stlbench.records.identity import IDENTITY
 from stlbench.records.result import Measurement, Score
@@ -16,41 +17,48 @@ _APART = ("planned", "further", "first_failed", "curve", "starts", "extension", 
 """What has no column, or one of the last."""
 
 
+CELL: Mapping[Column, Callable[[Row], Value]] = {
+    Column("cell", right=False): lambda row: row.id.name,
+    Column("budget", right=False): lambda row: row.id.budget,
+    Column("status", right=False): lambda row: row.status,
+    Column("reason", right=False): lambda row: row.reason or None,
+}
+"""The columns that say which cell a row is, and how it ended."""
+_IDENTITY: Mapping[Column, Callable[[Row], Value]] = {
+    Column(name, right=name == "seed"): lambda row, name=name: (  # type: ignore[misc]
+        part if isinstance(part := getattr(row.id, name), int) else str(part)
+    )
+    for name in IDENTITY
+}
+
+
 def cells_table(rows: Iterable[Row]) -> Table:
     """One row for each cell with its numbers, for other programs. If any was planned, also what its plan says."""
     listed = list(rows)
-    of_cell: dict[Column, Callable[[Row], Value]] = {
-        **{Column(name, right=name == "seed"): _identity(name) for name in IDENTITY},
-        Column("status", right=False): lambda row: row.status,
-        Column("reason", right=False): lambda row: row.reason or None,
-    }
     of_numbers: dict[Column, Callable[[Numbers], Value]] = {
-        **{Column(each.name): _number(each.name) for each in fields(Numbers) if each.name not in _APART},
-        Column("starts"): lambda numbers: numbers.starts,
+        **{Column(each.name): attrgetter(each.name) for each in fields(Numbers) if each.name not in _APART},
+        Column("starts"): lambda each: each.starts,
         Column("satisfaction 95 % interval", kind=Interval): lambda each: _of_starts(each.satisfaction, each),
         Column("final_satisfaction 95 % interval", kind=Interval): (
             lambda each: _of_starts(each.final_satisfaction, each)
         ),
-        Column("extension"): lambda numbers: numbers.extension or None,
-        Column("ended_early"): lambda numbers: numbers.ended_early,
+        Column("extension"): lambda each: each.extension or None,
+        Column("ended_early"): lambda each: each.ended_early,
     }
     if any(row.numbers and row.numbers.planned for row in listed):
         of_numbers[Column("maximised")] = lambda each: each.planned.maximised if each.planned else None
         of_numbers[Column("grid_value")] = lambda each: each.planned.value if each.planned else None
-    return Table.of("Cells", listed, of_cell | {column: if_done(value) for column, value in of_numbers.items()})
+    of_cell = {column: value for column, value in CELL.items() if column.title in ("status", "reason")}
+    return Table.of("Cells", listed, {**_IDENTITY, **of_cell, **if_done(of_numbers)})
 
 
-def _identity(name: str) -> Callable[[Row], Value]:
-    return lambda row: part if isinstance(part := getattr(row.id, name), int) else str(part)
+def if_done(columns: Mapping[Column, Callable[[Numbers], Value]]) -> dict[Column, Callable[[Row], Value]]:
+    """Columns of cells; a cell without numbers has None."""
 
+    def of_row(value: Callable[[Numbers], Value]) -> Callable[[Row], Value]:
+        return lambda row: None if row.numbers is None else value(row.numbers)
 
-def _number(name: str) -> Callable[[Numbers], Value]:
-    return lambda numbers: getattr(numbers, name)
-
-
-def if_done(value: Callable[[Numbers], Value]) -> Callable[[Row], Value]:
-    """A value of the numbers; None for a cell without numbers."""
-    return lambda row: None if row.numbers is None else value(row.numbers)
+    return {column: of_row(value) for column, value in columns.items()}
 
 
 def percent(share: float | None) -> float | None:
@@ -64,14 +72,8 @@ def _of_starts(share: float, numbers: Numbers) -> Interval | None:
 
 def unfinished_table(groups: Iterable[Group]) -> Table:
     """The cells that ended by accident: raised, out of time, killed."""
-    columns: dict[Column, Callable[[Row], Value]] = {
-        Column("cell", right=False): lambda row: row.id.name,
-        Column("budget", right=False): lambda row: row.id.budget,
-        Column("status", right=False): lambda row: row.status,
-        Column("reason", right=False): lambda row: row.reason or None,
-    }
     rows = [row for group in groups for row in group.rows if row.status in ACCIDENTS]
-    return Table.of("Cells without a result", rows, columns, ("`stlbench run --retry failed` runs them again.",))
+    return Table.of("Cells without a result", rows, CELL, ("`stlbench run --retry failed` runs them again.",))
 
 
 ENDED_EARLY = (
@@ -84,26 +86,22 @@ ENDED_EARLY = (
 def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
     """One row for each protocol and policy, from name -> protocol -> score. A single policy may have an empty name."""
     early = any(score.ended_early for scores in policies.values() for score in scores.values())
-    ended: dict[Column, Callable[[Score], Value]] = {
-        Column("ended early", unit="%", digits=1): lambda score: percent(score.ended_early)
-    }
-    rows = [(protocol, name) for protocol in next(iter(policies.values())) for name in policies]
-
-    def of_score(value: Callable[[Score], Value]) -> Callable[[tuple[str, str]], Value]:
-        return lambda row: value(policies[row[1]][row[0]])
-
-    columns: dict[Column, Callable[[tuple[str, str]], Value]] = {
+    columns: dict[Column, Callable[[tuple[str, str, Score]], Value]] = {
         Column("protocol", right=False): lambda row: row[0],
-        **({Column("policy", right=False): lambda row: row[1]} if any(policies) else {}),
-        Column("mean robustness", "mean", digits=3): of_score(lambda score: score.mean),
-        Column("worst start", digits=3): of_score(lambda score: score.minimum),
-        Column("satisfied", unit="%", digits=1): of_score(lambda score: 100 * score.satisfaction),
-        **{column: of_score(value) for column, value in ended.items() if early},
-        Column("starts", digits=0): of_score(lambda score: score.starts),
-        Column("failed first", right=False): of_score(
-            lambda score: "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None
+        Column("policy", right=False): lambda row: row[1],
+        Column("mean robustness", "mean", digits=3): lambda row: row[2].mean,
+        Column("worst start", digits=3): lambda row: row[2].minimum,
+        Column("satisfied", unit="%", digits=1): lambda row: 100 * row[2].satisfaction,
+        Column("ended early", unit="%", digits=1): lambda row: percent(row[2].ended_early),
+        Column("starts", digits=0): lambda row: row[2].starts,
+        Column("failed first", right=False): (
+            lambda row: "\n".join(f"{formula}: {count}" for formula, count in row[2].first_failed.items()) or None
         ),
     }
+    shown = {"policy": any(policies), "ended early": early}
+    columns = {column: value for column, value in columns.items() if shown.get(column.title, True)}
+    protocols = next(iter(policies.values()))
+    rows = [(protocol, name, scores[protocol]) for protocol in protocols for name, scores in policies.items()]
     return Table.of("Scores", rows, columns, (ENDED_EARLY,) if early else ())
 
 
@@ -151,12 +149,7 @@ def time_table(groups: Sequence[Group]) -> Table:
 
 def _interval_of(name: str) -> Callable[[Group], Value]:
     """Of the mean, cut at 0: the interval of two seeds is wide."""
-
-    def interval(group: Group) -> Interval | None:
-        ends = mean_interval(group.values(name))
-        return None if ends is None else Interval(max(ends.low, 0.0), ends.high)
-
-    return interval
+    return lambda group: (ends := mean_interval(group.values(name))) and Interval(max(ends.low, 0.0), ends.high)
 
 
 def _jobs(group: Group) -> str | None:

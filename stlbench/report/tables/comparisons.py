@@ -65,20 +65,19 @@ def compare(groups: Sequence[Group], known: Known) -> tuple[Comparison, ...]:
         for contest in contests(groups).values()
         for one, other in combinations([group for group in contest if group.done], 2)
     ]
-    pairs = [_pair(one, other, known) for one, other in couples]
+    pairs = list[Pair]()
+    for one, other in couples:
+        level = known.level(one.setting.task)
+        pair = Pair(
+            one=one.values("robustness_mean"),
+            other=other.values("robustness_mean"),
+            margin=None if level is None else MATTERS * abs(level),
+            alike=known.likeness(one.setting, other.setting) == "=",
+            learned=(one.values("learned"), other.values("learned")),
+        )
+        pairs.append(pair)
     compared = zip(couples, pairs, differences(pairs), strict=True)
     return tuple(Comparison(one, other, difference, pair.margin) for (one, other), pair, difference in compared)
-
-
-def _pair(one: Group, other: Group, known: Known) -> Pair:
-    level = known.level(one.setting.task)
-    return Pair(
-        one=one.values("robustness_mean"),
-        other=other.values("robustness_mean"),
-        margin=None if level is None else MATTERS * abs(level),
-        alike=known.likeness(one.setting, other.setting) == "=",
-        learned=(one.values("learned"), other.values("learned")),
-    )
 
 
 def comparisons_table(comparisons: Sequence[Comparison]) -> Table:

@@ -35,6 +35,11 @@ class Known:
         """The best known robustness of a task, or else its controller's."""
         return self.best.get(task, self.by_hand(task))
 
+    def share(self, task: Choice, robustness: float | None) -> float | None:
+        """Robustness as a share of the best known; None if one of them is not above 0."""
+        best = self.best.get(task)
+        return robustness / best if robustness is not None and best is not None and robustness > 0 < best else None
+
     def likeness(self, one: Setting, other: Setting) -> str | None:
         """How the methods of two settings pay the same: "=", "~", or None if they do not."""
         standard = self.standards.get(one.task.name)
@@ -134,10 +139,10 @@ def controllers_table(standards: Mapping[str, Standard]) -> Table:
     parts = [content for part, content in _PARTS.items() if any(getattr(each, part) for _, each in known)]
     columns: dict[Column, Callable[[tuple[str, Standard]], Value]] = {
         Column("task", right=False, shared=True): lambda row: row[0],
-        **{column: _of_row(value) for several, _ in parts for column, value in several.items()},
+        **{
+            column: lambda row, value=value: value(row[1])  # type: ignore[misc]
+            for several, _ in parts
+            for column, value in several.items()
+        },
     }
     return Table.of("Controllers and baselines", known, columns, tuple(note for _, note in parts if note))
-
-
-def _of_row(value: Callable[[Standard], Value]) -> Callable[[tuple[str, Standard]], Value]:
-    return lambda row: value(row[1])

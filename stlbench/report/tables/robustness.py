@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 from stlbench.records.result import LEARNED
@@ -84,9 +84,14 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
             lambda group: _percent_interval(group, "learned")
         ),
         Column("share of best known (median, both above 0)", "of best", digits=2, drop=2): (
-            lambda group: _share(_median(group, "robustness_mean"), known.best.get(group.setting.task))
+            lambda group: known.share(group.setting.task, _median(group, "robustness_mean"))
         ),
-        **{Column(name, digits=3, drop=4): partial(_further, name) for name in further},
+        **{
+            Column(name, digits=3, drop=4): lambda group, name=name: mean(  # type: ignore[misc]
+                [numbers.further[name] for numbers in group.done if name in numbers.further]
+            )
+            for name in further
+        },
         **{column: partial(_unless_outside, value) for column, value in _FINAL.items()},
         Column("failed first", kind=FirstFailed, right=False, below=True): lambda group: group.first_failed,
         Column("remarks", right=False, below=True): lambda group: group.remarks or None,
@@ -145,15 +150,6 @@ def _percent_interval(group: Group, name: str) -> Interval | None:
     return ends and Interval(100 * ends.low, 100 * ends.high)
 
 
-def _share(value: float | None, best: float | None) -> float | None:
-    """Robustness as a share of the best known; None if one of them is not above 0."""
-    return value / best if value is not None and best is not None and value > 0 < best else None
-
-
-def _further(name: str, group: Group) -> float | None:
-    return mean([numbers.further[name] for numbers in group.done if name in numbers.further])
-
-
 def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
     notes = [
         "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
@@ -173,18 +169,14 @@ def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _outside_notes(groups: Sequence[Group]) -> tuple[str, ...]:
+def _outside_notes(groups: Sequence[Group]) -> Iterator[str]:
     """What the mark means, and the source of each policy."""
-    if not groups:
-        return ()
-    rule = "not trained by stlbench: its budget is unknown. It is in no comparison and in no statistic."
-    return (f"Marked {MARK}: {rule}", *map(_origin, groups))
-
-
-def _origin(group: Group) -> str:
-    sources = []
-    for row in group.rows:
-        facts = row.provenance
-        starts = ", from starts of its own" if facts.get("begun_at") == "starts of its own" else ""
-        sources.append(f"{facts.get('source', 'unknown')} (sha256 {facts.get('sha256', 'unknown')[:12]}){starts}")
-    return f"{group.setting.agent} on {group.setting.task}: {'; '.join(dict.fromkeys(sources))}."
+    if groups:
+        rule = "not trained by stlbench: its budget is unknown. It is in no comparison and in no statistic."
+        yield f"Marked {MARK}: {rule}"
+    for group in groups:
+        sources = []
+        for facts in (row.provenance for row in group.rows):
+            starts = ", from starts of its own" if facts.get("begun_at") == "starts of its own" else ""
+            sources.append(f"{facts.get('source', 'unknown')} (sha256 {facts.get('sha256', 'unknown')[:12]}){starts}")
+        yield f"{group.setting.agent} on {group.setting.task}: {'; '.join(dict.fromkeys(sources))}."

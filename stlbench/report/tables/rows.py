@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from typing import Any, Literal, TypeVar
@@ -189,16 +190,9 @@ def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
         if group.done:
             known[group.setting.agent.name] = plans
     for name in {group.setting.agent.name for group in groups} - known.keys():
-        known[name] = _installed(name)
+        with suppress(UsageError):
+            known[name] = getattr(plugins.find("agents", name).load(), "plans", None)
     return {name: plans for name, plans in known.items() if plans is not None}
-
-
-def _installed(agent: str) -> Maximised | None:
-    try:
-        plans: Maximised | None = getattr(plugins.find("agents", agent).load(), "plans", None)
-    except UsageError:
-        return None
-    return plans
 
 
 def split(groups: Sequence[Group]) -> tuple[tuple[Group, ...], tuple[Group, ...]]:

@@ -132,7 +132,7 @@ class Table:
 
 
 def show(value: Value, digits: int | None = None) -> str:
-    """A value for people, rounded."""
+    """A value for people, rounded. The interval of what was learned has a line of its own."""
     match value:
         case Interval(low, high):
             return f"[{decimal(low, digits)}, {decimal(high, digits)}]"
@@ -140,17 +140,11 @@ def show(value: Value, digits: int | None = None) -> str:
             return f"{done} of {planned}, {unfinished}" if unfinished else f"{done} of {planned}"
         case FirstFailed(formula, starts, violating):
             return f"{formula} ({decimal(100 * starts / violating, 0)} % of {violating} violating starts)"
-        case Learned():
-            return " ".join(learned_parts(value, digits))
+        case Learned(robustness, low, high, learned, final, seeds, mark):
+            text = f"{decimal(robustness, digits)} ({learned}, {final} of {seeds}) {mark}".rstrip()
+            return text if low is None or high is None else f"{text}\n{show(Interval(low, high), digits)}"
         case float():
             return decimal(value, digits)
         case None:
             return NOTHING
     return str(value)
-
-
-def learned_parts(value: Learned, digits: int | None) -> tuple[str, ...]:
-    """The robustness, the interval if there is one, and the seeds: "0.396", "[0.395, 0.397]", "(10, 9 of 10) *"."""
-    seeds = f"({value.learned}, {value.final_learned} of {value.seeds}) {value.mark}".rstrip()
-    ends = () if value.low is None or value.high is None else (show(Interval(value.low, value.high), digits),)
-    return decimal(value.robustness, digits), *ends, seeds

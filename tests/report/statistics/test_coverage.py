@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[3]
 study = load("interval_coverage")
 REPORTS, BEFORE, MEAN = study.INTERVALS
 
+pytestmark = pytest.mark.slow  # `test_intervals` compares the same interval with the binomial distribution
 REPETITIONS = 4000
 NOISE = 4 * math.sqrt(0.05 * 0.95 / REPETITIONS)
 """Four standard errors of a share near 95 %: 1.4 %."""

@@ -107,7 +107,10 @@ def test_the_same_seeds_in_another_order_say_the_same():
     assert differences([Pair(shifted(1)[::-1], NORMAL, 0.2)]) == differences([Pair(shifted(1), NORMAL[::-1], 0.2)])
 
 
-@pytest.mark.parametrize(("difference", "margin"), [(0.8, None), (0.8, 0.2), (0.0, 0.5)])
+@pytest.mark.parametrize(
+    ("difference", "margin"),
+    [(0.8, 0.2), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((0.8, None), (0.0, 0.5)))],
+)
 def test_the_number_of_seeds_decides_in_four_of_five_cases_or_more(difference, margin):
     (found,) = differences([Pair(shifted(difference), NORMAL, margin)])
     assert found.word == "cannot tell"

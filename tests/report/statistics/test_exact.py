@@ -107,15 +107,16 @@ ALIKE = {
 
 
 @pytest.mark.parametrize("name", ALIKE)
-@pytest.mark.parametrize(("n", "m"), [(3, 3), (5, 5), (4, 8)])
-def test_methods_that_are_alike_are_apart_as_rarely_as_the_p_value_says(name, n, m):
+@pytest.mark.parametrize(("n", "m", "rounds"), [(5, 5, 150), pytest.param(4, 8, 600, marks=pytest.mark.slow)])
+def test_methods_that_are_alike_are_apart_as_rarely_as_the_p_value_says(name, n, m, rounds):
     """An exact test has P(p <= a) <= a. Four standard errors of the simulation are allowed for."""
-    generator, rounds = np.random.default_rng(7), 600
+    generator = np.random.default_rng(7)
     found = np.array([p_value(ALIKE[name](generator, n), ALIKE[name](generator, m)) for _ in range(rounds)])
     for level in (0.01, 0.05, 0.1, 0.3):
         assert np.mean(found <= level) <= level + 4 * math.sqrt(level * (1 - level) / rounds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "m", "most"), [(5, 5, 0.10), (10, 5, 0.13), (5, 10, 0.13)])
 def test_methods_that_differ_in_scatter_alone_are_called_apart_somewhat_more_often(n, m, most):
     """Deals are not as likely as one another then: measured at four times the scatter, as the documentation says."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import result, score
 
-from stlbench.report import condense
-from stlbench.report.report import Report
+from stlbench.report import Report, condense
 from stlbench.report.tables.across import fields
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.sampled import groups_table, pairs_table
