@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
@@ -73,7 +72,8 @@ def gather(results: Iterable[Result]) -> Snapshot:
 
 
 TABLE, PROVENANCE = "cells.csv", "provenance.json"
-NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
+COSTS = ("training_cpu_seconds", "reward_nanoseconds")
+NUMBERS = ("robustness_mean", "satisfaction", *COSTS)
 COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id"))
 
 
@@ -103,21 +103,15 @@ def load(path: Path) -> Snapshot:
 def save(folder: Path, snapshot: Snapshot) -> None:
     """Write a reference. Robustness and satisfaction have all digits, so that equal results are seen to be equal."""
     table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer = csv.DictWriter(table, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
     for cell in sorted(snapshot.samples):
         values = vars(cell) | vars(snapshot.samples[cell])
-        writer.writerow([_text(values[name], name) for name in COLUMNS])
+        for name in COSTS:
+            values[name] = values[name] if values[name] is None else f"{values[name]:.4g}"
+        writer.writerow(values)
     write(folder / TABLE, table.getvalue())
     write(folder / PROVENANCE, json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n")
-
-
-def _text(value: object, column: str) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, float) and math.isfinite(value) and column.endswith("seconds"):
-        return f"{value:.4g}"
-    return str(value)
 
 
 def _results(path: Path) -> Snapshot:

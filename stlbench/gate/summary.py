@@ -169,7 +169,12 @@ def junit(title: str, judgement: Judgement) -> str:
 
     The time of a case is unknown and left out. Characters that XML cannot hold appear as "?".
     """
-    cases = [_comparison_case(comparison) for comparison in judgement.comparisons]
+    cases = []
+    for each in judgement.comparisons:
+        change, limit = each.metric.text(each.gain), each.metric.text(-each.metric.tolerated)
+        text = f"{each.metric.name}: {each.base:.4g} to {each.new:.4g} ({change}), tolerated {limit}, "
+        text += f"{each.pairs} pairs, p = {each.chance:.2g}"
+        cases.append(_case(each.setting.name, each.metric.name, each.verdict, text))
     cases += [_case(finding.cell.name, "status", finding.verdict, finding.reason) for finding in judgement.findings]
     counts = {"tests": len(cases)}
     for attribute, element in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
@@ -179,15 +184,6 @@ def junit(title: str, judgement: Judgement) -> str:
     ElementTree.SubElement(root, "testsuite", attributes).extend(cases)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _comparison_case(comparison: Comparison) -> ElementTree.Element:
-    metric = comparison.metric
-    text = (
-        f"{metric.name}: {comparison.base:.4g} to {comparison.new:.4g} ({metric.text(comparison.gain)}), tolerated "
-        f"{metric.text(-metric.tolerated)}, {comparison.pairs} pairs, p = {comparison.chance:.2g}"
-    )
-    return _case(comparison.setting.name, metric.name, comparison.verdict, text)
 
 
 def _case(where: str, name: str, verdict: Verdict, text: str) -> ElementTree.Element:

@@ -43,6 +43,13 @@ class Claim:
         return (MOST if self.sequential else STARTS) if self.starts is None else self.starts
 
     @property
+    def text(self) -> str | None:
+        """What is claimed, in words; None if the number of starts is fixed."""
+        if self.at_least is not None:
+            return f"at least {plain(self.at_least)}"
+        return None if self.width is None else f"known to {plain(self.width)}"
+
+    @property
     def sequential(self) -> bool:
         return self.at_least is not None or self.width is not None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 
+import pytest
 from helpers.reports import write
 from helpers.synthetic_results import by_hand, plan, result
 
@@ -14,6 +15,7 @@ RESULTS = [
     result("mine", status="raised", reason="ValueError: no"),
 ]
 SCORES = by_hand(hold_disc=(0.4, 0.2))
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 def test_writes_all_files_and_names_them(tmp_path):

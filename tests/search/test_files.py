@@ -12,6 +12,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.trace_table import read_table
+from stlbench.search import outputs
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write
 
@@ -21,31 +22,31 @@ def found() -> Falsification:
     return falsify(still("G[0,8] a <= -0.2"), How(evaluations=300))
 
 
-def test_all_four(found: Falsification, tmp_path: Path) -> None:
-    paths = write(found, tmp_path / "deep" / "down")
+@pytest.fixture(scope="module")
+def paths(found: Falsification, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return write(found, tmp_path_factory.mktemp("found") / "deep" / "down")
+
+
+def test_all_five(paths: list[Path]) -> None:
     assert [path.name for path in paths] == [
         f"counterexample-still.{end}" for end in ("npz", "csv", "png", "svg", "pdf")
     ]
     assert all(path.stat().st_size for path in paths)
 
 
-def test_the_arrays(found: Falsification, tmp_path: Path) -> None:
-    path = write(found, tmp_path)[0]
-    saved = read_saved(path)
-    assert stl.robustness(found.actor.task.formula, saved.samples, saved.names) == [found.worst.robustness]
-    with np.load(path) as arrays:
+def test_the_arrays_and_the_table(found: Falsification, paths: list[Path]) -> None:
+    saved, task = read_saved(paths[0]), found.actor.task
+    assert stl.robustness(task.formula, saved.samples, saved.names) == [found.worst.robustness]
+    with np.load(paths[0]) as arrays:
         start = dict(zip(arrays["coordinates"].tolist(), arrays["start"].tolist(), strict=True))
     assert start == found.start
-
-
-def test_the_table(found: Falsification, tmp_path: Path) -> None:
-    table, task = read_table(write(found, tmp_path)[1]), found.actor.task
+    table = read_table(paths[1])
     table.check_times(task.file.sampling_time)
-    samples = table.samples(task.signals)
-    assert stl.robustness(task.formula, samples, table.names) == found.worst.robustness
+    assert stl.robustness(task.formula, table.samples(task.signals), table.names) == found.worst.robustness
 
 
-def test_without_a_counterexample_the_name_says_so(tmp_path: Path) -> None:
+def test_without_a_counterexample_the_name_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outputs, "save", lambda figure, folder, name: [])
     satisfied = falsify(still("G[0,8] a <= 1"), How(evaluations=50))
     assert write(satisfied, tmp_path)[0].name == "least-still.npz"
 

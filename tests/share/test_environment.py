@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-import stable_baselines3
-import torch
+from helpers.sb3_models import saved
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -48,7 +47,7 @@ def task(tmp_path_factory: pytest.TempPathFactory) -> Task:
     return load_task(str(folder))
 
 
-def plain_episodes(model: stable_baselines3.PPO) -> Array:
+def plain_episodes(model: Any) -> Array:
     """Episodes of Gymnasium's own, with SB3's own `predict`: (c, omega) from the seeds of the report."""
     traces = np.empty((5, 41, 2))
     env = gymnasium.make("Pendulum-v1")
@@ -62,14 +61,7 @@ def plain_episodes(model: stable_baselines3.PPO) -> Array:
 
 
 def test_a_model_of_sb3_that_saw_the_environment_alone(task: Task, tmp_path: Path) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = stable_baselines3.PPO("MlpPolicy", "Pendulum-v1", device="cpu", seed=0)
-    generator = torch.Generator().manual_seed(1)
-    with torch.no_grad():
-        for weight in model.policy.parameters():
-            weight.copy_(torch.randn(weight.shape, generator=generator) / 3)
-    model.save(tmp_path / "m.zip")
+    model = saved(tmp_path / "m.zip", "PPO", "Pendulum-v1", spread=1 / 3)
     traces = plain_episodes(model)
     found = score(task, find_source(str(tmp_path / "m.zip")), Shown("environment"), 0)
     assert task.signals == ("omega", "c")

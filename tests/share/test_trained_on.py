@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import warnings
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-import stable_baselines3
-import torch
+from helpers import sb3_models
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 import stlbench
@@ -23,6 +21,8 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
 from stlbench.registry.choices import Choice
+from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.environment import Simulator
 from stlbench.rollout.gymnasium.wrap import StlWrapper
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
@@ -103,16 +103,7 @@ def rolled_out(env: StlWrapper, act: Callable[[Array], Any], starts: int) -> tup
 
 
 def saved(path: Path, env: Any, algorithm: str = "PPO") -> Any:
-    """An untrained model, whose actions differ much."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = getattr(stable_baselines3, algorithm)("MlpPolicy", env, device="cpu", seed=0)
-    generator = torch.Generator().manual_seed(3)
-    with torch.no_grad():
-        for weight in model.policy.parameters():
-            weight.copy_(torch.randn(weight.shape, generator=generator) / 2)
-    model.save(path)
-    return model
+    return sb3_models.saved(path, algorithm, env, spread=0.5, seed=3)
 
 
 def swings_up(observation: Array) -> Array:
@@ -237,9 +228,6 @@ def test_a_record_that_anybody_may_have_written(task: Task, tmp_path: Path) -> N
 
 
 def test_observations_of_wrap_and_of_the_task_are_equal_bit_for_bit(pole: Task, task: Task) -> None:
-    from stlbench.rollout.controller import Unpaid
-    from stlbench.rollout.environment import Simulator
-
     options: dict[str, Any] = {"names": ("x", "v", "angle", "omega"), "ranges": {"angle": (-0.2, 0.2)}, "steps": 30}
     cart = stlbench.wrap(
         gymnasium.make("CartPole-v1"), "G angle <= 1", method="raw", scale={"v": 2, "omega": 3}, **options

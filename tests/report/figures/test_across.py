@@ -8,6 +8,7 @@ from stlbench.report.figures.across import across_tasks, place, ticks
 from stlbench.report.figures.files import drawings_across
 from stlbench.report.figures.ranks import ranks
 from stlbench.report.figures.style import COLOURS
+from stlbench.report.statistics import across
 from stlbench.report.tables.across import Entry, Field
 
 COLOURED = dict(zip(["bad", "good", *(f"method-{i}" for i in range(9))], COLOURS, strict=False))
@@ -18,6 +19,12 @@ FIT = "2 of 3, all methods fit"
 COMMON = Field(
     "quick", "shared", ("one", "two"), FIT, (Entry("bad", BAD.scores[:2], ""), Entry("good", GOOD.scores[:2], ""))
 )
+
+
+@pytest.fixture(autouse=True)
+def brief(monkeypatch):
+    """Intervals from few resamples, which take little time."""
+    monkeypatch.setattr(across, "RESAMPLES", 99)
 
 
 def test_what_lacks_a_tenth_is_one_further():
@@ -72,6 +79,7 @@ def test_no_panel_of_profiles_has_a_colour_twice():
     assert all(len({line.get_color() for line in axes.lines}) == len(axes.lines) for axes in panels)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_figure_for_each_budget_and_track(tmp_path):
     plain = Field("quick", "plain", EVERY.tasks, "all 3", EVERY.entries)
     paths = [path for each in drawings_across((plain, EVERY, COMMON), COLOURED) for path in each.write(tmp_path)]

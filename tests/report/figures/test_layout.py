@@ -71,7 +71,11 @@ def texts(figure):
     return [text for text in figure.findobj(Text) if text.get_text() and text.get_visible() and text not in ticks]
 
 
-@pytest.mark.parametrize("kind", FIGURES)
+NIGHTLY = ("rewarded-formation", "time-pendulum", "trajectories-overlap")
+"""Others show the same kind of figure."""
+
+
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in NIGHTLY)) for kind in FIGURES])
 def test_all_text_is_in_the_picture_and_the_legend_beside_the_axes(kind):
     figure = FIGURES[kind]()
     canvas = FigureCanvasAgg(figure)

@@ -35,12 +35,12 @@ class Run:
             self.folder, self.folder / "out", self.told.append, self.warnings.append, colours, load_guarded, ask, kinds
         )
         paths = trace_figures.draw(results, job)
-        assert all(path.stat().st_size > 1000 for path in paths)
         return {path.name for path in paths}
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path, undrawn):
+    """With empty files as figures: a test of each figure draws it, and `test_files` writes one."""
     return Run(tmp_path)
 
 
@@ -67,16 +67,20 @@ def test_two_figures_per_method_and_two_per_task(run):
     ]
 
 
-@pytest.mark.slow
-def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run):
+def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run, monkeypatch):
+    shown, overview = [], trace_figures.overview
+
+    def watched(task, groups, *rest):
+        shown.append(groups)
+        return overview(task, groups, *rest)
+
+    monkeypatch.setattr(trace_figures, "overview", watched)
     plan = run.save(synthetic_results.plan("raw"))
     kinds = files("planned-hold-disc", *(f"{kind}-hold-disc-raw-planner-quick" for kind in ("time", "trajectories")))
     assert run.draw(plan) == kinds
     learned = run.save(synthetic_results.result("funnel"))
-    run.draw(learned)
-    before = (run.folder / "out" / "overview-hold-disc.svg").read_bytes()
     assert kinds < run.draw(learned, plan)
-    assert (run.folder / "out" / "overview-hold-disc.svg").read_bytes() == before
+    assert [[str(group.setting.method) for group in groups] for groups in shown] == [["funnel"]]
 
 
 def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
@@ -86,7 +90,6 @@ def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
     assert line.startswith("hold-disc/funnel/dqn/1 has no traces at ")
 
 
-@pytest.mark.slow
 def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run):
     cells = [run.save(synthetic_results.result(task=task)) for task in ("cartpole", "hold-disc")]
     names = run.draw(*cells, kinds=trace_figures.KINDS)
