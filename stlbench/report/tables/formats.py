@@ -7,6 +7,7 @@ import io
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -94,6 +95,11 @@ def to_latex(table: Table, width: Width = "page") -> str:
     lines = [[_wrapped(text, column) for text, column in zip(row, columns, strict=True)] for row in rows]
     widths = [max(len(line) for cell in cells for line in cell) for cells in zip(heads, *lines, strict=True)]
     fit = _fit(table, rows, widths, _CHARACTERS[width])
+    varying = [i for i in table.shared if i not in table.alike]
+    if varying and any(sum(widths[i] + 2 for i in part) > _CHARACTERS[width] for part in fit.parts):
+        parts = [replace(part, notes=()) for part in table.split(varying[0])]  # one for each task, say
+        notes = [f"% {' '.join(note.split())}" for note in table.notes]
+        return "\n".join([*notes, *(to_latex(part, width) for part in parts)])
     left_out = [f"Left out: {fit.left_out}."] if fit.left_out else []
     comments = [f"% {' '.join(line.split())}" for line in (fit.title, *left_out, *fit.remarks, *table.notes)]
     tabulars = [_tabular(columns, heads, some, part) for part in fit.parts for some in _pages(lines, part)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeVar
 
 from stlbench.report.statistics.intervals import Interval
@@ -114,9 +114,18 @@ class Table:
         return cls(title, tuple(columns), rows, notes)
 
     @property
+    def shared(self) -> list[int]:
+        return [i for i, column in enumerate(self.columns) if column.shared]
+
+    @property
     def alike(self) -> list[int]:
         """The shared columns in which all rows have the same value."""
-        return [i for i, column in enumerate(self.columns) if column.shared and len({row[i] for row in self.rows}) == 1]
+        return [i for i in self.shared if len({row[i] for row in self.rows}) == 1]
+
+    def split(self, place: int) -> Iterator[Table]:
+        """A table for each value of a column."""
+        for value in dict.fromkeys(row[place] for row in self.rows):
+            yield replace(self, rows=tuple(row for row in self.rows if row[place] == value))
 
     def title_with(self, places: Iterable[int]) -> str:
         """The title, with what the first row says in these columns."""
