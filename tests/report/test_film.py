@@ -135,22 +135,10 @@ def test_where_no_picture_can_be_made_signals_are_shown_and_it_is_said(kind, rec
     assert len(found.figure.axes[0].lines) == 2
 
 
-def test_a_gif_has_all_frames_and_holds_the_last(tmp_path):
-    path = tmp_path / "films" / "line.gif"
-    assert film.write(task(), RECORDING, ROBUSTNESS, "line/raw/dqn/0", path) == ""
-    with Image.open(path) as image:
-        assert (image.format, image.info["loop"]) == ("GIF", 0)
-        duration = 0
-        for i in range(image.n_frames):
-            image.seek(i)
-            duration += image.info["duration"]
-    assert duration == (9 + 8) * 80
-
-
-def test_frames_show_what_moves_and_keep_what_stands_still(monkeypatch, tmp_path):
+def test_a_film_moves_what_moves_keeps_what_stands_still_and_holds_the_end(monkeypatch, tmp_path):
     frames = []
     monkeypatch.setattr(film, "write_video", lambda pictures, path: frames.extend(pictures))
-    film.write(task(), RECORDING, ROBUSTNESS, "line/raw/dqn/0", tmp_path / "line.gif")
+    assert film.write(task(), RECORDING, ROBUSTNESS, "line/raw/dqn/0", tmp_path / "line.gif") == ""
     assert len(frames) == 9 + 8
     shown = np.stack(frames[:9]).astype(int)
     height, width = shown.shape[1:3]
@@ -190,33 +178,24 @@ def picture(colour, height=5, width=7):
     return found
 
 
-def test_a_gif_has_the_pictures_in_their_order(tmp_path):
-    path = tmp_path / "films" / "a.gif"
-    film.write_video((picture(colour) for colour in (0, 1, 2)), path)
+@pytest.mark.parametrize(("form", "away"), [("gif", 0), ("webp", 12)])
+def test_a_film_has_the_pictures_in_their_order(tmp_path, form, away):
+    """WebP is not exact, and smaller."""
+    path = tmp_path / "films" / f"a.{form}"
+    film.write_video((picture(colour, 32, 48) for colour in (0, 1, 2)), path)
     with Image.open(path) as image:
-        assert (image.format, image.size, image.n_frames, image.info["loop"]) == ("GIF", (7, 5), 3, 0)
+        assert (image.format, image.size, image.n_frames, image.info["loop"]) == (form.upper(), (48, 32), 3, 0)
         for i in range(3):
             image.seek(i)
+            shown = np.asarray(image.convert("RGB")).astype(int)
             assert image.info["duration"] == 80
-            assert np.array_equal(np.asarray(image.convert("RGB")), picture(i))
+            assert abs(shown - picture(i, 32, 48))[4:].max() <= away
 
 
-def test_a_webp_has_the_same_and_is_smaller(tmp_path):
-    generator = np.random.default_rng(0)
-    noise = generator.integers(0, 255, (64, 64, 3)).astype(np.uint8)
+def test_a_webp_of_much_detail_is_smaller_than_the_gif(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8)
     for name in ("a.gif", "a.webp"):
-        film.write_video(
-            (np.roll(noise, shift, axis=1) // 2 + 10 * shift.astype(np.uint8) for shift in np.arange(4)),
-            tmp_path / name,
-        )
-    with Image.open(tmp_path / "a.webp") as image:
-        assert (image.format, image.size, image.n_frames, image.info["loop"]) == ("WEBP", (64, 64), 4, 0)
-        means = []
-        for i in range(4):
-            image.seek(i)
-            means.append(np.asarray(image.convert("RGB")).mean())
-    assert means == sorted(means)
-    assert means[3] - means[0] > 20
+        film.write_video((np.roll(noise, shift, axis=1) for shift in range(4)), tmp_path / name)
     assert (tmp_path / "a.webp").stat().st_size < (tmp_path / "a.gif").stat().st_size
 
 

@@ -18,35 +18,21 @@ SCORES = by_hand(hold_disc=(0.4, 0.2))
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 
-def test_writes_all_files_and_names_them(tmp_path):
-    paths = write(condense(RESULTS), SCORES, tmp_path / "new" / "folder")
+def test_it_writes_all_files_and_names_them_and_the_report_has_all_tables(tmp_path):
+    folder = tmp_path / "new" / "folder"
+    paths = write(condense(RESULTS), SCORES, folder)
     assert all(path.is_file() for path in paths)
-    assert [path.name for path in paths][:10] == [
-        "report.md",
-        "robustness.csv",
-        "robustness.tex",
-        "comparisons.csv",
-        "comparisons.tex",
-        "controllers.csv",
-        "controllers.tex",
-        "time.csv",
-        "time.tex",
-        "cells.csv",
-    ]
-
-
-def test_the_report_has_all_tables(tmp_path):
-    write(condense(RESULTS), SCORES, tmp_path)
-    text = (tmp_path / "report.md").read_text()
-    headings = [line for line in text.splitlines() if line.startswith("#")]
-    tables = [
+    names = [f"{name}.{end}" for name in ("robustness", "comparisons", "controllers", "time") for end in ("csv", "tex")]
+    assert [path.name for path in paths][:10] == ["report.md", *names, "cells.csv"]
+    headings = [line for line in (folder / "report.md").read_text().splitlines() if line.startswith("#")]
+    tables = (
         "Robustness",
         "Comparisons",
         "Controllers and baselines",
         "Time",
         "Cells without a result",
         "Circumstances",
-    ]
+    )
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 

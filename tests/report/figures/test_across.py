@@ -44,16 +44,12 @@ def test_the_numbers_on_the_axis_lie_around_the_data(ends, texts):
     assert [text for _, text in ticks(*ends)] == texts
 
 
-def test_left_and_right_a_method_has_the_colour_that_it_is_given():
+def test_each_method_has_its_aggregate_in_each_field_and_its_profile_in_the_colour_that_it_is_given():
     left, right = across_tasks([EVERY, COMMON], COLOURED).axes
-    marks = [line.get_color() for line in left.lines if line.get_marker() in "Ds"]
-    assert marks == 2 * [COLOURED["bad"], COLOURED["good"]]
-    assert [line.get_color() for line in right.lines] == [COLOURED["bad"], COLOURED["good"]]
+    colours = [COLOURED["bad"], COLOURED["good"]]
+    assert [line.get_color() for line in right.lines] == colours
+    assert [line.get_color() for line in left.lines if line.get_marker() in "Ds"] == 2 * colours
     assert "logarithmic" in left.get_xlabel()
-
-
-def test_each_method_has_its_aggregate_in_each_field():
-    left, _ = across_tasks([EVERY, COMMON], COLOURED).axes
     assert [label.get_text() for label in left.get_yticklabels()] == ["bad\n(fits 2 of 3)", "good"]
     marked = {
         (line.get_marker(), round(line.get_ydata()[0], 2)): line for line in left.lines if line.get_marker() in "Ds"

@@ -28,28 +28,19 @@ GROUPS = condense(
 )
 
 
-def test_every_seed_is_a_point_and_the_median_stands_under_it():
-    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
+def test_every_seed_is_a_point_in_the_colour_of_its_method_and_the_median_stands_under_it():
+    colours = colours_of(GROUPS)
+    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours).axes
     drawn = [sorted(map(float, line.get_xdata())) for line in axes.lines]
     assert [-0.2] in drawn
     assert [0.1, 0.3] in drawn
     assert [pytest.approx(0.2)] in drawn
-
-
-def test_a_method_without_a_result_keeps_its_place():
-    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
+    for marker in "oD":
+        rows = {round(line.get_ydata()[0]): line.get_color() for line in axes.lines if line.get_marker() == marker}
+        assert rows == {row: colours[str(GROUPS[row].setting.method)] for row in (0, 1)}
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["flag\n1 of 1 seeds", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
-
-
-def test_seeds_and_what_is_said_of_all_of_them_have_the_colour_of_the_method():
-    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
-    for marker in "oD":
-        rows = {round(line.get_ydata()[0]): line.get_color() for line in axes.lines if line.get_marker() == marker}
-        assert rows
-        for row, colour in rows.items():
-            assert colour == colours_of(GROUPS)[str(GROUPS[row].setting.method)]
 
 
 PENDULUM = {
@@ -69,8 +60,9 @@ def pendulum(**curves):
     )
 
 
-def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
-    (axes,) = robustness_by_method(pendulum(), Scale("rad or rad/s", math.inf), colours_of(pendulum())).axes
+def test_methods_near_zero_are_told_apart_and_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
+    figure = robustness_by_method(pendulum(), Scale("rad or rad/s", math.inf), colours_of(pendulum()))
+    (axes,) = figure.axes
     assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]"
     assert axes.get_xscale() == "linear"
     low, high = axes.get_xlim()
@@ -79,11 +71,6 @@ def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
     assert (funnel[-1] - raw[0]) / (high - low) > 0.2  # .030 and .004
     assert low < funnel[0] == -0.0742
     assert len(points) == 2
-
-
-def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
-    figure = robustness_by_method(pendulum(), Scale("rad or rad/s", math.inf), colours_of(pendulum()))
-    (axes,) = figure.axes
     told = {text.get_text(): text.xy[1] for text in axes.texts}
     assert told == {"5 seeds, -29.5 to -102": -0.14, "median -35.7 [-102, -29.5]": 0.2}
     arrows = [line for line in axes.lines if line.get_marker() == "<"]

@@ -101,19 +101,18 @@ def test_numbers_have_three_digits():
     assert [number(value) for value in (-146.2, -0.01234, -12345.6)] == ["-146", "-0.0123", "-12,346"]
 
 
-def test_numbers_beside_a_row_do_not_touch():
-    figure = Figure()
-    axes = figure.subplots()
-    arrow_at_left(axes, 0.5, [("-147", "k"), ("-37.9", "b"), ("-2,100", "r")])
-    figure.canvas.draw()
-    boxes = [text.get_window_extent() for text in axes.texts]
-    assert all(first.x1 < second.x0 for first, second in pairwise(boxes))
-
-
-def test_seven_numbers_under_an_axis_do_not_touch():
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda axes: arrow_at_left(axes, 0.5, [("-147", "k"), ("-37.9", "b"), ("-2,100", "r")]),
+        lambda axes: arrows_below(axes, [(f"-{i}00", "k") for i in range(1, 8)]),
+    ],
+    ids=["at the left", "seven below"],
+)
+def test_numbers_beside_arrows_do_not_touch(draw):
     figure = Figure(figsize=(3.5, 2.5))
     axes = figure.subplots()
-    arrows_below(axes, [(f"-{i}00", "k") for i in range(1, 8)])
+    draw(axes)
     figure.canvas.draw()
     boxes = [text.get_window_extent() for text in axes.texts]
     assert all(first.x1 < second.x0 for first, second in pairwise(boxes))

@@ -78,25 +78,19 @@ def test_planned_methods_do_not_change_the_colours_of_those_that_learned():
     assert len(set(every.values())) == len(every) == 4
 
 
-def test_as_many_methods_as_there_are_have_colours_of_their_own():
-    groups = condense(result(f"method-{i:02}") for i in range(len(COLOURS)))
+@pytest.mark.parametrize("times", [1, 2])
+def test_methods_have_colours_of_their_own_and_beyond_them_lines_of_their_own(times):
+    groups = condense(result(f"method-{i:02}") for i in range(times * len(COLOURS)))
     assert len(set(colours_of(groups).values())) == len(COLOURS) == 2 * GROUPS_PER_FIGURE
-
-
-def test_methods_of_one_colour_differ_in_their_lines():
-    groups = condense(result(f"method-{i:02}") for i in range(2 * len(COLOURS)))
-    assert len({(style.colour, style.line) for style in styles(groups, colours_of(groups))}) == 2 * len(COLOURS)
+    assert len({(style.colour, style.line) for style in styles(groups, colours_of(groups))}) == len(groups)
 
 
 def test_what_belongs_to_no_method_has_no_colour_of_a_method():
     assert not {INK, TRACE, MARK, BOUNDS} & {*COLOURS}
 
 
-def test_twenty_terms_all_look_different():
+def test_twenty_terms_all_look_different_and_none_has_a_colour_of_the_time_along_a_trace():
     assert len({term_style(i) for i in range(20)}) == 20
-
-
-def test_no_term_has_a_colour_of_the_time_along_a_trace():
     times = colormaps[TIME](np.linspace(0, 1, 256))[:, :3]
     for i in range(5):
         assert np.linalg.norm(times - to_rgb(term_style(i).colour), axis=1).min() > 0.2
