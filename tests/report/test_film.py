@@ -178,9 +178,9 @@ def picture(colour, height=5, width=7):
     return found
 
 
-@pytest.mark.parametrize(("form", "away"), [("gif", 0), ("webp", 12)])
+@pytest.mark.parametrize(("form", "away"), [("gif", 0), ("webp", 40)])
 def test_a_film_has_the_pictures_in_their_order(tmp_path, form, away):
-    """WebP is not exact, and smaller."""
+    """WebP is not exact, but no colour looks like another, which is 150 away."""
     path = tmp_path / "films" / f"a.{form}"
     film.write_video((picture(colour, 32, 48) for colour in (0, 1, 2)), path)
     with Image.open(path) as image:
