@@ -48,9 +48,9 @@ def report(
     Covers all cells that are recorded in DIR, prints the tables and rewrites the files. Without the right to write in
     DIR, it warns and prints the tables alone. --width column makes figures and LaTeX for one column of a paper.
     --explain prints the notes of the tables too. --json prints an object with the lists robustness, comparisons,
-    aggregates, improvement, controllers, alignment, time and cells. --html writes one file in place of all that: tables
-    to sort and filter, figures, and every cell, for any browser, without a network. It needs the extra `page`. Prints
-    its path; with --json an object with path and bytes.
+    aggregates, groups, differences, improvement, controllers, alignment, time and cells. --html writes one file in
+    place of all that: tables to sort and filter, figures, and every cell, for any browser, without a network. It needs
+    the extra `page`. Prints its path; with --json an object with path and bytes.
 
     Several bundles stand in the same tables, methods with the name of their bundle; a bundle that `stlbench verify`
     finds damaged is left out. Nothing is written but a page. --rescore lets each selected policy act again. Exit code 1

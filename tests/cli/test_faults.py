@@ -166,6 +166,7 @@ class Hurries(Raw):
 '''
 
 
+@pytest.mark.slow  # tests/study/test_credibility.py looks at such results in its own process
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -173,12 +174,11 @@ class Hurries(Raw):
             BRIBES.format(satisfied=True),
             "it says robustness 99, satisfied 100 %; by the recorded traces and the formula of toy-line it is ",
         ),
-        pytest.param(
+        (
             BRIBES.format(satisfied=False),
             "the selected policy's score by the protocol formula cannot be: robustness 99 from start 0, which is not",
-            marks=pytest.mark.slow,
         ),
-        pytest.param(HURRIES, "its clocks cannot be right: training and all took ", marks=pytest.mark.slow),
+        (HURRIES, "its clocks cannot be right: training and all took "),
     ],
 )
 def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, tmp_path, monkeypatch, text, said):

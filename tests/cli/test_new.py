@@ -180,7 +180,6 @@ def test_what_hardly_moves_at_random_is_scaled_by_what_does(tmp_path: Path, monk
     assert content["signals"]["o2"] == {"low": -1, "high": 1}
     assert content["signals"]["o4"] == {"low": 0, "high": 20}
     assert load_task(str(tmp_path / "zz-lever-task")).own_track == "auto"  # it has no recipe
-    check_task(str(tmp_path / "zz-lever-task"))
 
 
 @pytest.mark.parametrize(

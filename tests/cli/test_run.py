@@ -127,8 +127,8 @@ def test_ctrl_c_keeps_what_is_done_says_what_is_missing_and_the_next_run_goes_on
 def test_report_as_json(run, say):
     run("toy-raw,toy-large")
     found = json.loads(say("report", "results", "--json").stdout)
-    lists = {"robustness", "comparisons", "aggregates", "improvement", "controllers", "alignment", "time", "cells"}
-    assert set(found) == lists
+    pairs = {"comparisons", "differences", "improvement"}
+    assert set(found) == pairs | {"robustness", "aggregates", "groups", "controllers", "alignment", "time", "cells"}
     assert [name for name, rows in found.items() if rows] == ["robustness", "controllers", "time", "cells"]
     large, raw = found["robustness"]
     assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")
