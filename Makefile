@@ -16,7 +16,7 @@ test: lint types imports unit docs
 
 ## The same, and the slow tests: browser, notebooks, the site, whole studies. CI runs it every night.
 test-all: lint types imports docs $(VENV)/ready-dev
-	$(BIN)/python -m pytest -q -n auto --dist loadfile -m "not long" --durations 10
+	$(BIN)/python -m pytest -q -n auto --dist loadfile -m "not long" --durations 10 --hypothesis-profile night
 
 ## The tests that take less than half a minute together, while you write.
 QUICK := tests/stl tests/methods tests/task --ignore=tests/stl/recorded/test_rtamt.py \

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-settings.register_profile("any-machine", deadline=None)  # a busy machine is slow, and no test fails by the clock
-settings.load_profile("any-machine")
+# A busy machine is slow, and no test fails by the clock. A change is tried on few examples, the same ones each time.
+settings.register_profile("change", deadline=None, max_examples=20, derandomize=True)
+settings.register_profile("night", deadline=None, max_examples=200)
+settings.load_profile("change")
 
 
 @pytest.fixture(autouse=True)

@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from stlbench.contract import Array, Integers, RewardMethod, Specification
+from stlbench.contract import Array, Integers, Specification
 from stlbench_methods.progress import Followed
 from stlbench_methods.values import SemanticsName, Sharpness
 
 
-class Dense(Followed, RewardMethod):
+class Dense(Followed):
     """The formula's robustness on the samples so far, or the growth of what is certain of it.
 
     `level` is the robustness of the trace up to now, with windows cut at its end, as STLGym has it. An F of which no
@@ -39,11 +39,10 @@ class Dense(Followed, RewardMethod):
         semantics: SemanticsName = "classic",
         sharpness: Sharpness = 10.0,
     ) -> None:
-        super().__init__(specification)
+        super().__init__(specification, semantics=semantics, sharpness=sharpness)
         self._difference = mode == "difference"
-        self._follow(specification, semantics, sharpness)
-        low, high = self._progress.ends
-        self.scale = high - low if self._difference else max(abs(low), abs(high))
+        if self._difference:
+            self.scale = self._progress.ends[1] - self._progress.ends[0]
 
     @property
     def floor(self) -> float:

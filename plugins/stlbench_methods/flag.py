@@ -141,7 +141,7 @@ class AbsoluteFlags(Flags):
         for term in terms:
             columns.append(len(full))
             initial += {"F": [0.0], "G": [1.0], "FG": [0.0, 0.0]}[term.kind]
-            full += [1.0, term.b - term.c2 + 1.0] if term.kind == "FG" else [1.0]
+            full += [1.0, float(term.length)] if term.kind == "FG" else [1.0]
         self.columns = np.array(columns)
         """(n,): where the flag of each term is, 1 where the term is satisfied once its interval is over."""
         self._holds = [specification.holds(term.psi) for term in terms]

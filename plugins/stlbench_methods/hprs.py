@@ -57,7 +57,7 @@ class Hprs(RewardMethod):
         self._at = [specification.holds(term.psi) for term in self._targets]
         self._near = [specification.margin(term.psi) for term in self._targets]
         self._least = [bounded_range(specification, term.psi, term.formula)[0] for term in self._targets]
-        self._needed = np.array([_samples(term) for term in self._targets])
+        self._needed = np.array([term.length for term in self._targets])
         self._gamma, self._shaped = gamma, variant == "auto-shaping"
         self._weight = float(variant == "paper")
         self._counted = 2 if len(self._targets) > 1 else 0
@@ -140,10 +140,6 @@ def _divided(terms: Sequence[Term], later: str) -> tuple[list[Term], list[Term]]
         hint = "; hprs[later=target] takes G[a,b] with a > 0 for one" if late else ""
         raise Unsuitable(f"hprs: it needs a target, F or F G, and the formula has terms G alone{hint}")
     return safety, targets
-
-
-def _samples(term: Term) -> int:
-    return {"F": 1, "G": term.b - term.a + 1, "FG": term.b - term.c2 + 1}[term.kind]
 
 
 def _nearness(h: Array, least: float) -> Array:

@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
-from stlbench.stl import Term
 from stlbench_methods.windows import truths
 
 
@@ -48,7 +47,7 @@ class Machine(RewardMethod):
         terms = specification.terms
         self._holds = [specification.holds(term.psi) for term in terms]
         self._starts, self._ends = np.array([(term.start, term.end) for term in terms]).T.copy()
-        self._lengths = np.array([_length(term) for term in terms])
+        self._lengths = np.array([term.length for term in terms])
         self.memory_size = len(terms)
         self.counterfactuals = replay == "counterfactual"
         phases = int(np.minimum(self._lengths, 2).sum())
@@ -101,7 +100,3 @@ class Machine(RewardMethod):
         after = memory.copy()
         held = truths(self._holds, samples)
         return run(held, self._starts, self._ends, self._lengths, t, self._weight, after), after
-
-
-def _length(term: Term) -> int:
-    return {"F": 1, "G": term.b - term.a + 1, "FG": term.b - term.c2 + 1}[term.kind]

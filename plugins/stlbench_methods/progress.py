@@ -8,9 +8,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Specification, Truth
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench_methods.running_window import Outer, RunningWindow
-from stlbench_methods.values import Margins, SemanticsName, Values
+from stlbench_methods.values import Margins, SemanticsName, Sharpness, Values
 from stlbench_methods.windows import refuse_past
 
 
@@ -134,16 +134,19 @@ def _outer(node: stl.Formula, semantics: stl.Semantics) -> Outer:
             return Outer((0, 0), node, stl.Least())
 
 
-class Followed:
-    """Beside `RewardMethod`: the memory is how far the formula is, and the policy sees all of it."""
+class Followed(RewardMethod):
+    """Paid for the formula's value at the end; the memory is how far the formula is, and the policy sees all of it.
 
-    memory_size: int
-    _progress: Progress
+    Raises:
+        Unsuitable: as `Progress` and `Margins`.
+    """
 
-    def _follow(self, specification: Specification, semantics: SemanticsName, sharpness: float) -> None:
-        """To be called by the constructor. Raises `Unsuitable` as `Progress` and `Margins` do."""
+    def __init__(
+        self, specification: Specification, *, semantics: SemanticsName = "classic", sharpness: Sharpness = 10.0
+    ) -> None:
+        super().__init__(specification)
         self._progress = Progress(specification, Margins(specification, stl.semantics(semantics, sharpness)))
-        self.memory_size = self._progress.size
+        self.memory_size, self.scale = self._progress.size, max(map(abs, self._progress.ends))
 
     @property
     def input_size(self) -> int:
@@ -154,3 +157,15 @@ class Followed:
 
     def inputs(self, memory: Array) -> Array:
         return self._progress.inputs(memory)
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        memory = self._progress.along(samples[1:], t + 1, memory)[-1]
+        return at_the_end(self._progress.so_far, self.specification.steps, len(samples) - 1, t, memory), memory
+
+
+def at_the_end(value: Callable[[Array, Integers], Array], last: int, held: int, t: Integers, memory: Array) -> Array:
+    """0, and at step `last` the value of the memory after it: rewards (held, N) of the transitions from steps t on."""
+    rewards, end = np.zeros((held, len(t))), t + held
+    if (over := end == last).any():
+        rewards[-1, over] = value(memory[over], end[over])
+    return rewards

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-
 from stlbench import stl
-from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench_methods.flag import AbsoluteFlags
-from stlbench_methods.progress import Progress
+from stlbench_methods.progress import Progress, at_the_end
 from stlbench_methods.values import Truths
 
 
@@ -52,16 +50,12 @@ class Sparse(RewardMethod):
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         *_, memory = self._known.along(samples[1:], t + 1, memory)
-        rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
-        if (over := end == self.specification.steps).any():
-            rewards[-1, over] = self._satisfied(memory[over], end[over]) + self._offset
-        return rewards, memory
+        return at_the_end(self._paid, self.specification.steps, len(samples) - 1, t, memory), memory
 
     def inputs(self, memory: Array) -> Array:
         return self._known.inputs(memory)
 
-    def _satisfied(self, memory: Array, t: Integers) -> Truth:
+    def _paid(self, memory: Array, t: Integers) -> Array:
         if isinstance(self._known, Progress):
-            return self._known.so_far(memory, t) > 0.5
-        satisfied: Truth = (memory[:, self._known.columns] == 1).all(axis=1)
-        return satisfied
+            return (self._known.so_far(memory, t) > 0.5) + self._offset
+        return (memory[:, self._known.columns] == 1).all(axis=1) + self._offset

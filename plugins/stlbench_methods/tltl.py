@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.progress import Followed
-from stlbench_methods.values import SemanticsName, Sharpness
 
 
-class Tltl(Followed, RewardMethod):
+class Tltl(Followed):
     """The formula's robustness at the last transition of an episode, and 0 before it.
 
     The source has no discount, gamma = 1. Here that is the agent's, so an agent that discounts sees little of the
@@ -28,24 +24,6 @@ class Tltl(Followed, RewardMethod):
         Unsuitable: an operator looks back, or a part of the formula has no bounds.
     """
 
-    def __init__(
-        self,
-        specification: Specification,
-        *,
-        semantics: SemanticsName = "classic",
-        sharpness: Sharpness = 10.0,
-    ) -> None:
-        super().__init__(specification)
-        self._follow(specification, semantics, sharpness)
-        self.scale = max(map(abs, self._progress.ends))
-
     @property
     def floor(self) -> float:
         return min(0.0, self._progress.ends[0])
-
-    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        *_, memory = self._progress.along(samples[1:], t + 1, memory)
-        rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
-        if (over := end == self.specification.steps).any():
-            rewards[-1, over] = self._progress.so_far(memory[over], end[over])
-        return rewards, memory

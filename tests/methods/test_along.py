@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.episodes import specification
 from helpers.stepwise import one_step
-from hypothesis import given, reject, settings
+from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
@@ -121,7 +121,6 @@ def check_along(name: str, formula: str, hold: int, seed: int) -> None:
     ],
 )
 @given(formula=windows(), hold=st.integers(1, 9), seed=st.integers(0, 2**32))
-@settings(max_examples=60)
 def test_windows(name: str, formula: str, hold: int, seed: int) -> None:
     check_along(name, formula, hold, seed)
 
@@ -131,14 +130,12 @@ def test_windows(name: str, formula: str, hold: int, seed: int) -> None:
     hold=st.integers(1, 9),
     seed=st.integers(0, 2**32),
 )
-@settings(max_examples=60)
 def test_again_and_again(formula: str, hold: int, seed: int) -> None:
     check_along("causation", formula, hold, seed)
 
 
 @pytest.mark.parametrize("name", sorted(set(METHODS) - {"causation"}))
 @given(formula=sequences(), hold=st.integers(1, 9), seed=st.integers(0, 2**32))
-@settings(max_examples=60)
 def test_terms(name: str, formula: str, hold: int, seed: int) -> None:
     check_along(name, formula, hold, seed)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from helpers.episodes import run, specification
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -143,7 +143,6 @@ class TestAbsoluteIntervals:
     spec = specification(formula, BOX, steps=7)
 
     @given(bits=st.lists(st.booleans(), min_size=16, max_size=16))
-    @settings(max_examples=200)
     def test_flags_against_the_definition(self, bits: list[bool]) -> None:
         traces = np.where(bits, 1.0, -1.0).reshape(1, 8, 2)
         _, flags = run(Flag(self.spec), traces)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.episodes import run, specification
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
@@ -78,7 +78,6 @@ def traces(samples: int, seed: int) -> Array:
 
 
 @given(formula=conjunctions(), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=60)
 def test_its_verdict_is_that_of_the_formula_as_soon_as_there_is_one(formula: str, seed: int) -> None:
     spec = specification(formula, BOX, steps=13)
     found, x = Machine(spec), traces(14, seed)
@@ -92,7 +91,6 @@ def test_its_verdict_is_that_of_the_formula_as_soon_as_there_is_one(formula: str
 
 
 @given(formula=conjunctions(), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=40)
 def test_the_shaping_sums_up_to_the_phases_that_were_left_at_first(formula: str, seed: int) -> None:
     """Both sums differ by a function of the first sample alone: all policies are paid the same more."""
     spec, x = specification(formula, BOX, steps=13), traces(14, seed)

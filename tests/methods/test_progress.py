@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.episodes import specification
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
@@ -52,7 +52,6 @@ def of_margins(text: str, name: str) -> tuple[Specification, Margins, Progress]:
 
 
 @given(text=formulas, name=names, seed=seeds)
-@settings(max_examples=150)
 def test_at_the_end_it_is_the_formulas_value(text: str, name: str, seed: int) -> None:
     spec, values, progress = of_margins(text, name)
     traces = samples(seed)
@@ -67,7 +66,6 @@ def test_at_the_end_it_is_the_formulas_value(text: str, name: str, seed: int) ->
 
 
 @given(text=formulas, seed=seeds)
-@settings(max_examples=100)
 def test_truths_give_the_verdict(text: str, seed: int) -> None:
     spec = specification(text, BOX, steps=STEPS)
     progress = Progress(spec, Truths(spec, stl.semantics("classic")))
@@ -77,7 +75,6 @@ def test_truths_give_the_verdict(text: str, seed: int) -> None:
 
 
 @given(text=formulas, seed=seeds)
-@settings(max_examples=100)
 def test_at_least_is_the_monitors_lower_bound_and_never_shrinks(text: str, seed: int) -> None:
     spec, _, progress = of_margins(text, "classic")
     traces, low = samples(seed), progress.ends[0]
@@ -102,7 +99,6 @@ def traces_with_worst_end(spec: Specification, traces: Array, t: int) -> Array:
 
 
 @given(text=formulas, seed=seeds, t=st.integers(1, STEPS))
-@settings(max_examples=100)
 def test_a_later_start_is_as_if_its_sample_had_been_there_before(text: str, seed: int, t: int) -> None:
     _, _, progress = of_margins(text, "agm")
     still = np.repeat(samples(seed)[:, :1], STEPS + 1, axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helpers import lattice
 from helpers.episodes import run, specification
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
@@ -183,7 +183,6 @@ def verdict(node: stl.Formula, traces: Array, t: int) -> Array:
 
 
 @given(phi=windows, outer=st.sampled_from("FG"), seed=st.integers(0, 2**32))
-@settings(max_examples=100)
 def test_flags_say_what_the_windows_say(phi: str, outer: str, seed: int) -> None:
     traces = np.random.default_rng(seed).choice([-1.0, 1.0], (20, 13, 2))
     rewards, _ = run(Flag(specification(f"{outer}[0,8] {phi}", BOX), beta=2), traces)
@@ -201,7 +200,6 @@ terms = st.one_of(
 
 
 @given(parts=st.lists(terms, min_size=1, max_size=3), seed=st.integers(0, 2**32))
-@settings(max_examples=100)
 def test_flags_by_absolute_intervals_say_what_the_formula_says(parts: list[str], seed: int) -> None:
     spec = specification(" & ".join(parts), BOX, steps=16)
     traces = np.random.default_rng(seed).choice([-1.0, 1.0], (20, 17, 2), p=[0.3, 0.7])

@@ -9,8 +9,9 @@ falls linearly; it is what proves x - x = 0.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import reduce
-from typing import TypeAlias, cast
+from typing import TypeAlias, TypeVar, cast
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from stlbench.stl.functions import FUNCTIONS
 from stlbench.stl.functions.derivatives import Derivatives, added, negated, of_greatest, of_least, scaled
 from stlbench.stl.functions.intervals import Range, difference, negative, power, product, quotient, total
 from stlbench.stl.language.expressions import Binary, Call, Negative, Number, Signal
-from stlbench.stl.language.syntax import And, AnyNode, Implies, Not, Or, Predicate, TrueFormula
+from stlbench.stl.language.syntax import AnyNode, Connective, Not, Predicate, TrueFormula
 
+T = TypeVar("T")
 #: each signal's interval on each box: ends (m,)
 Boxes: TypeAlias = dict[str, Range]
 #: proven ranges of subexpressions whose own interval may be too wide (arguments of sqrt and divisors)
@@ -87,12 +89,8 @@ class Enclosure:
                 return total(large, negative(small))
             case Not() | Negative():
                 return negative(args[0])
-            case And():
-                return FUNCTIONS["min"].interval(args)
-            case Or():
-                return FUNCTIONS["max"].interval(args)
-            case Implies():
-                return FUNCTIONS["max"].interval([negative(args[0]), args[1]])
+            case Connective():
+                return FUNCTIONS["min" if node.least else "max"].interval(_signed(node, args, negative))
             case Call(name):
                 return FUNCTIONS[name].interval(args)
             case Binary("**", _, Number(exponent)):
@@ -113,12 +111,9 @@ class Enclosure:
                 return added(inner[0], negated(inner[1]))
             case Not() | Negative():
                 return negated(inner[0])
-            case And():
-                return of_least(args, inner, value)
-            case Or():
-                return of_greatest(args, inner, value)
-            case Implies():
-                return of_greatest([negative(args[0]), args[1]], [negated(inner[0]), inner[1]], value)
+            case Connective():
+                rule = of_least if node.least else of_greatest
+                return rule(_signed(node, args, negative), _signed(node, inner, negated), value)
             case Call(name):
                 return FUNCTIONS[name].derivative(args, inner, value)
             case Binary("+"):
@@ -144,3 +139,8 @@ def _operands(node: AnyNode) -> tuple[AnyNode, ...]:
             return (right, left) if op in ("<=", "<") else (left, right)
         case _:
             return cast(tuple[AnyNode, ...], node.operands)
+
+
+def _signed(node: Connective, parts: list[T], opposite: Callable[[T], T]) -> list[T]:
+    """What the operands have, or the opposite where the negation of an operand counts."""
+    return [opposite(part) if sign else part for (_, sign), part in zip(node.signed, parts, strict=True)]

@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from stlbench.stl.functions import derivatives as derivative
 from stlbench.stl.functions import intervals as interval
-from stlbench.stl.functions.derivatives import Derivatives, Ranges
+from stlbench.stl.functions.derivatives import ChainRule, Ranges
 from stlbench.stl.functions.intervals import Range
-
-#: (ranges of the arguments, their derivatives, range of the value) -> derivatives of the value
-ChainRule: TypeAlias = Callable[[Ranges, Sequence[Derivatives], Range], Derivatives]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ function jumps or its derivative is not bounded, the bounds are infinite or NaN.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import TypeAlias
 
@@ -29,6 +29,8 @@ from stlbench.stl.functions.intervals import (
 #: derivative by each signal; a signal that is missing has derivative 0
 Derivatives: TypeAlias = dict[str, Range]
 Ranges: TypeAlias = Sequence[Range]
+#: (ranges of the arguments, their derivatives, range of the value) -> derivatives of the value
+ChainRule: TypeAlias = Callable[[Ranges, Sequence[Derivatives], Range], Derivatives]
 
 
 def negated(inner: Derivatives) -> Derivatives:
@@ -44,7 +46,7 @@ def added(left: Derivatives, right: Derivatives) -> Derivatives:
     return left | right | both
 
 
-# --- chain rules: (ranges of the arguments, their derivatives, range of the value) -> derivatives of the value
+# --- chain rules
 
 
 def of_least(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
@@ -69,69 +71,49 @@ def of_greatest(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Der
     return of_least([negative(arg) for arg in args], inner, negative(value))
 
 
-def of_absolute(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    return scaled(inner[0], _sign(args[0]))
-
-
 def of_largest(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
     """norminf: as of max(|u|, ...)."""
     sizes = [absolute(arg) for arg in args]
     return of_greatest(sizes, [scaled(own, _sign(arg)) for own, arg in zip(inner, args, strict=True)], value)
 
 
-def of_norm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """norm: the sum of u / norm times the derivative of u."""
-    return reduce(added, [scaled(own, _share(arg, value)) for own, arg in zip(inner, args, strict=True)])
-
-
-def of_root(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    half = np.full_like(value[0], 0.5)
-    return scaled(inner[0], quotient((half, half), value))
-
-
-def of_exponential(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    return scaled(inner[0], value)
-
-
 def of_logarithm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
     return {name: quotient(range_, args[0]) for name, range_ in inner[0].items()}
 
 
-def of_hyperbolic_tangent(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """tanh: 1 - tanh ** 2, which lies in [0, 1]."""
-    low, high = difference(_one(value), power(value, 2))
-    return scaled(inner[0], (np.maximum(low, 0.0), np.minimum(high, 1.0)))
+def _chained(slopes: Callable[[Ranges, Range], Sequence[Range]]) -> ChainRule:
+    """The chain rule of a function, from its derivative by each argument."""
+
+    def rule(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+        return reduce(added, [scaled(own, slope) for own, slope in zip(inner, slopes(args, value), strict=True)])
+
+    return rule
 
 
-def of_sine(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    return scaled(inner[0], cosine(args[0]))
+def _tangent_slope(value: Range) -> Range:
+    """1 + tan ** 2; of any value where a pole may lie in the angle."""
+    low, high = total(_same(1.0, value), power(value, 2))
+    return np.where(np.isfinite(value[0]), low, -np.inf), high
 
 
-def of_cosine(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    return scaled(inner[0], negative(sine(args[0])))
+def _hyperbolic_slope(value: Range) -> Range:
+    """1 - tanh ** 2, which lies in [0, 1]."""
+    low, high = difference(_same(1.0, value), power(value, 2))
+    return np.maximum(low, 0.0), np.minimum(high, 1.0)
 
 
-def of_tangent(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """tan: 1 + tan ** 2; of any value where a pole may lie in the angle."""
-    low, high = total(_one(value), power(value, 2))
-    return scaled(inner[0], (np.where(np.isfinite(value[0]), low, -np.inf), high))
-
-
-def of_direction(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+def _direction_slopes(y: Range, x: Range) -> list[Range]:
     """atan2: (x dy - y dx) / (x ** 2 + y ** 2); of any value where it jumps, at the branch cut and at the origin."""
-    y, x = args
     square = total(power(x, 2), power(y, 2))
     jump = meets_branch_cut(y, x) | (square[0] <= 0)
-    along_y, along_x = (
-        (np.where(jump, -np.inf, low), np.where(jump, np.inf, high))
-        for low, high in (quotient(x, square), quotient(negative(y), square))
-    )
-    return added(scaled(inner[0], along_y), scaled(inner[1], along_x))
+    slopes = quotient(x, square), quotient(negative(y), square)
+    return [(np.where(jump, -np.inf, low), np.where(jump, np.inf, high)) for low, high in slopes]
 
 
-def _one(like: Range) -> Range:
-    one = np.ones_like(like[0])
-    return one, one
+def _same(number: float, like: Range) -> Range:
+    """The number on every box."""
+    numbers = np.full_like(like[0], number)
+    return numbers, numbers
 
 
 def _sign(range_: Range) -> Range:
@@ -143,3 +125,14 @@ def _share(part: Range, whole: Range) -> Range:
     """part / norm, which lies in [-1, 1] whatever the intervals say."""
     low, high = quotient(part, whole)
     return np.fmin(np.fmax(low, -1.0), 1.0), np.fmax(np.fmin(high, 1.0), -1.0)
+
+
+of_absolute = _chained(lambda args, value: [_sign(args[0])])
+of_root = _chained(lambda args, value: [quotient(_same(0.5, value), value)])
+of_exponential = _chained(lambda args, value: [value])
+of_sine = _chained(lambda args, value: [cosine(args[0])])
+of_cosine = _chained(lambda args, value: [negative(sine(args[0]))])
+of_tangent = _chained(lambda args, value: [_tangent_slope(value)])
+of_hyperbolic_tangent = _chained(lambda args, value: [_hyperbolic_slope(value)])
+of_direction = _chained(lambda args, value: _direction_slopes(*args))
+of_norm = _chained(lambda args, value: [_share(arg, value) for arg in args])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
 from stlbench.stl.errors import FormulaLimitError, Position, shorten
 from stlbench.stl.functions import FUNCTIONS
@@ -78,6 +79,13 @@ class Node:
         if "args" in values:
             return tuple(values["args"])
         return tuple(values[name] for name in ("left", "arg", "right") if name in values)
+
+    def with_operands(self, operands: Sequence[Node]) -> Self:
+        """The same, of other operands."""
+        if "args" in self.__dict__:
+            return replace(self, args=tuple(operands))  # type: ignore[call-arg]
+        names = (name for name in ("left", "arg", "right") if name in self.__dict__)
+        return replace(self, **dict(zip(names, operands, strict=True)))  # type: ignore[arg-type]
 
     def __hash__(self) -> int:
         """Walk the formula once and keep the hash: each evaluation finds its evaluator by formula."""

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 from stlbench.stl.errors import FragmentError, shorten
 from stlbench.stl.language.structure import first_past, is_temporal, unbounded
-from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
+from stlbench.stl.language.syntax import Always, And, Eventually, Formula
 
 Kind: TypeAlias = Literal["F", "G", "FG"]
 _ALLOWED = "allowed is a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi, psi without temporal operators"
@@ -40,6 +40,11 @@ class Term:
     def end(self) -> int:
         """Last step at which psi is observed for this term: b, or c1 + b for "FG"."""
         return self.c1 + self.b
+
+    @property
+    def length(self) -> int:
+        """How many samples of psi in a row, somewhere from `start` to `end`, satisfy the term."""
+        return {"F": 1, "G": self.b - self.a + 1, "FG": self.b - self.c2 + 1}[self.kind]
 
     @property
     def formula(self) -> Formula:
@@ -78,41 +83,32 @@ def _term(formula: Formula) -> Term:
             raise _outside(formula)
 
 
+#: what stands where it must not, maybe inside of which operator: its name, and what would be right
+_REASONS = {
+    "Until": ("until", _ALLOWED),
+    "Release": ("release", _ALLOWED),
+    "Or": ("disjunction of temporal formulas", f"{_ALLOWED}; | may stand inside psi"),
+    "Implies": ("implication of temporal formulas", f"{_ALLOWED}; -> may stand inside psi"),
+    "Not": ("negation of a temporal formula", "push it inwards: !F[a,b] p is G[a,b] !p, !G[a,b] p is F[a,b] !p"),
+    "And in G": (
+        "conjunction of temporal formulas inside G",
+        "G[a,b] (p & q) is G[a,b] p & G[a,b] q; write the conjuncts one by one",
+    ),
+    "And in F": ("conjunction of temporal formulas inside F", _ALLOWED),
+    "Eventually in G": ("F inside G", f"G F (again and again) has no single deadline; {_ALLOWED}"),
+    "Eventually in F": ("F inside F", "F[a,b] F[c,d] p is F[a+c,b+d] p; write that"),
+    "Always in G": ("G inside G", "G[a,b] G[c,d] p is G[a+c,b+d] p; write that"),
+}
+
+
 def _outside(formula: Formula) -> FragmentError:
     if not is_temporal(formula):
         reason = f"it speaks of t = 0 alone; write G[0,0] ({shorten(str(formula))}) or give an interval"
         return FragmentError("a formula without F or G", formula.position, reason)
-    parent: Formula | None = None
-    blamed = formula
-    if isinstance(formula, Eventually) and isinstance(formula.arg, Always):
-        parent, blamed = formula.arg, formula.arg.arg
-    elif isinstance(formula, Always | Eventually):
-        parent, blamed = formula, formula.arg
-    what, reason = _reason(parent, blamed)
+    parent, blamed = "", formula
+    for kind in (Eventually, Always):
+        if isinstance(blamed, kind):
+            parent, blamed = blamed.letter, blamed.arg
+    name = type(blamed).__name__
+    what, reason = _REASONS.get(name) or _REASONS[f"{name} in {parent}"]
     return FragmentError(what, blamed.position, reason)
-
-
-def _reason(parent: Formula | None, blamed: Formula) -> tuple[str, str]:
-    """What is wrong with `blamed`, a temporal formula, and what to write instead."""
-    match blamed:
-        case Until():
-            return "until", _ALLOWED
-        case Release():
-            return "release", _ALLOWED
-        case Or():
-            return "disjunction of temporal formulas", f"{_ALLOWED}; | may stand inside psi"
-        case Implies():
-            return "implication of temporal formulas", f"{_ALLOWED}; -> may stand inside psi"
-        case Not():
-            return "negation of a temporal formula", "push it inwards: !F[a,b] p is G[a,b] !p, !G[a,b] p is F[a,b] !p"
-        case And() if isinstance(parent, Always):
-            hint = "G[a,b] (p & q) is G[a,b] p & G[a,b] q; write the conjuncts one by one"
-            return "conjunction of temporal formulas inside G", hint
-        case And():
-            return "conjunction of temporal formulas inside F", _ALLOWED
-        case Eventually() if isinstance(parent, Always):
-            return "F inside G", f"G F (again and again) has no single deadline; {_ALLOWED}"
-        case Eventually():
-            return "F inside F", "F[a,b] F[c,d] p is F[a+c,b+d] p; write that"
-        case _:
-            return "G inside G", "G[a,b] G[c,d] p is G[a+c,b+d] p; write that"

@@ -27,22 +27,17 @@ from stlbench.stl.language.expressions import (
     Signal,
 )
 from stlbench.stl.language.syntax import (
+    BETWEEN,
     END,
-    Always,
+    WINDOWS,
     And,
     AnyNode,
-    Eventually,
     Formula,
-    Historically,
     Implies,
     Not,
-    Once,
     Or,
     Predicate,
-    Release,
-    Since,
     TrueFormula,
-    Until,
     iff,
     weak_until,
     xor,
@@ -58,9 +53,6 @@ _LEVELS = {
     **BINARY_LEVELS,
     **dict.fromkeys((*COMPARISONS, "==", "!=", "="), Level.COMPARE),
 }
-_WINDOWS: dict[str, type[Always | Eventually | Historically | Once]]
-_WINDOWS = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
-_BETWEEN: dict[str, type[Until | Since | Release]] = {"U": Until, "S": Since, "R": Release}
 
 
 def parse(text: str, dt: float | None = None) -> Formula:
@@ -168,7 +160,7 @@ class _Parser(TokenStream):
     def temporal(self) -> Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        kind = _WINDOWS[PREFIX_WORDS[token.text]]
+        kind = WINDOWS[PREFIX_WORDS[token.text]]
         return kind(a, b, self.operand(Level.PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:
@@ -214,7 +206,7 @@ class _Parser(TokenStream):
         token = self.take()
         a, b = self.interval_or_end()
         right = self.operand(Level.UNTIL)
-        if kind := _BETWEEN.get(INFIX_WORDS[token.text]):
+        if kind := BETWEEN.get(INFIX_WORDS[token.text]):
             return kind(a, b, left, right, position=token.position)
         return weak_until(a, b, left, right, token.position)
 

@@ -4,34 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TypeAlias, cast
+from typing import cast
 
 from stlbench.stl.errors import UnboundedError, UnknownSignalError, shorten
 from stlbench.stl.language.expressions import Expression, Node, Signal
 from stlbench.stl.language.syntax import (
+    BETWEEN,
     END,
-    Always,
+    WINDOWS,
     And,
     AnyNode,
-    Eventually,
+    Between,
+    Connective,
     Formula,
-    Historically,
-    Implies,
     Not,
-    Once,
     Or,
-    Past,
     Predicate,
-    Release,
     Since,
     Temporal,
     TrueFormula,
-    Until,
+    Window,
 )
-
-#: operators that look ahead
-Ahead: TypeAlias = Always | Eventually | Until | Release
-
 
 # ------------------------------------------------------------------------------------------------------ checks, parts
 
@@ -91,9 +84,9 @@ def is_temporal(formula: Formula) -> bool:
     return any(isinstance(node, Temporal) for node in walk(formula))
 
 
-def first_past(formula: Formula) -> Past | None:
+def first_past(formula: Formula) -> Temporal | None:
     """The first past operator of `formula`, if any."""
-    return next((node for node in walk(formula) if isinstance(node, Past)), None)
+    return next((node for node in walk(formula) if isinstance(node, Temporal) and node.past), None)
 
 
 def operands_of(formula: Formula) -> tuple[Formula, ...]:
@@ -119,10 +112,11 @@ def horizon(formula: Formula) -> int:
     return lookahead(formula)
 
 
-def unbounded(formula: Formula) -> Ahead | None:
+def unbounded(formula: Formula) -> Temporal | None:
     """The first operator of `formula` that looks ahead without an interval, if any."""
     require_formula(formula)
-    return next((node for node in walk(formula) if isinstance(node, Ahead) and node.b == END), None)
+    endless = (node for node in walk(formula) if isinstance(node, Temporal) and node.b == END)
+    return next((node for node in endless if not node.past), None)
 
 
 def lookahead(formula: Formula) -> int:
@@ -132,15 +126,13 @@ def lookahead(formula: Formula) -> int:
     its operands have a value, and needs one step at least.
     """
     match formula:
-        case Always(_, b, arg) | Eventually(_, b, arg):
-            return lookahead(arg) + (0 if b == END else b)
-        case Until(_, b, left, right) | Release(_, b, left, right) if b != END:
-            before = b - 1 + lookahead(left) if b > 0 else 0
-            return max(before, b + lookahead(right))
-        case Historically(a, _, arg) | Once(a, _, arg):
-            return max(0, lookahead(arg) - a)
+        case Window(a, b, arg):
+            return max(0, lookahead(arg) - a) if formula.past else lookahead(arg) + (0 if b == END else b)
         case Since(a, b, left, right):
             return max(0, lookahead(right) - a, lookahead(left) if b > 0 else 0)
+        case Between(_, b, left, right) if b != END:
+            before = b - 1 + lookahead(left) if b > 0 else 0
+            return max(before, b + lookahead(right))
         case _:
             return max(map(lookahead, operands_of(formula)), default=0)
 
@@ -151,7 +143,7 @@ def lookbehind(formula: Formula) -> int:
     A past operator without an interval counts one: its value at the step before has all that matters of earlier ones.
     """
     behind = max(map(lookbehind, operands_of(formula)), default=0)
-    if isinstance(formula, Past):
+    if isinstance(formula, Temporal) and formula.past:
         return behind + (1 if formula.b == END else formula.b)
     return behind
 
@@ -170,19 +162,14 @@ def resolve_end(formula: Formula, last: int) -> Formula:
         ValueError: the trace ends before an operand has a value.
     """
     require_formula(formula)
-    match formula:
-        case Not(arg):
-            return replace(formula, arg=resolve_end(arg, last))
-        case And(args) | Or(args):
-            return replace(formula, args=tuple(resolve_end(arg, last) for arg in args))
-        case Implies(left, right):
-            return replace(formula, left=resolve_end(left, last), right=resolve_end(right, last))
-        case TrueFormula() | Predicate():
+    if not isinstance(formula, Temporal):
+        if isinstance(formula, TrueFormula | Predicate):
             return formula
+        return cast(Formula, formula.with_operands([resolve_end(arg, last) for arg in operands_of(formula)]))
     for operator in filter(None, map(unbounded, operands_of(formula))):
         reason = "stands inside another temporal operator, where it has no fixed interval; give it one, [a,b]"
         raise UnboundedError(operator.letter, operator.position, reason)
-    if isinstance(formula, Past) or formula.b < END:
+    if formula.past or formula.b < END:
         return formula
     end = last - lookahead(formula)
     if end < 0:
@@ -205,29 +192,27 @@ def negations_inside(formula: Formula, to_predicates: bool = False) -> Formula:
     return _pushed(formula, False, to_predicates)
 
 
-_DUAL: dict[type[Node], type[Node]] = {And: Or, Always: Eventually, Historically: Once, Until: Release}
-_DUAL |= {dual: kind for kind, dual in _DUAL.items()}
+_DUALS = {"G": "F", "F": "G", "H": "O", "O": "H", "U": "R", "R": "U"}
 
 
 def _pushed(formula: Formula, negated: bool, to_predicates: bool) -> Formula:
-    if not to_predicates and not is_temporal(formula):
-        return Not(formula) if negated else formula
-    kind: type = _DUAL.get(type(formula), type(formula)) if negated else type(formula)
+    def of(arg: Formula, negated: bool = negated) -> Formula:
+        return _pushed(arg, negated, to_predicates)
+
     match formula:
+        case _ if not to_predicates and not is_temporal(formula):
+            return Not(formula) if negated else formula
         case Not(arg):
-            return _pushed(arg, not negated, to_predicates)
-        case And(args) | Or(args):
-            return cast(Formula, kind(tuple(_pushed(arg, negated, to_predicates) for arg in args)))
-        case Implies(left, right):
-            parts = _pushed(left, not negated, to_predicates), _pushed(right, negated, to_predicates)
-            return And(parts) if negated else Or(parts)
-        case Always(a, b, arg) | Eventually(a, b, arg) | Historically(a, b, arg) | Once(a, b, arg):
-            return cast(Formula, kind(a, b, _pushed(arg, negated, to_predicates)))
-        case Until(a, b, left, right) | Release(a, b, left, right):
-            between = _pushed(left, negated, to_predicates), _pushed(right, negated, to_predicates)
-            return cast(Formula, kind(a, b, *between))
+            return of(arg, not negated)
+        case Connective():
+            kind = And if formula.least is not negated else Or
+            return kind(tuple(of(arg, own is not negated) for arg, own in formula.signed))
+        case Window(a, b, arg):
+            return WINDOWS[_DUALS[formula.letter] if negated else formula.letter](a, b, of(arg))
         case Since(a, b, left, right):
-            since = Since(a, b, _pushed(left, False, to_predicates), _pushed(right, False, to_predicates))
+            since = Since(a, b, of(left, False), of(right, False))
             return Not(since) if negated else since
+        case Between(a, b, left, right):
+            return BETWEEN[_DUALS[formula.letter] if negated else formula.letter](a, b, of(left), of(right))
         case _:
             return Not(formula) if negated else formula

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import ClassVar, Final, TypeAlias
+from typing import ClassVar, Final, TypeAlias, cast
 
 from stlbench.stl.errors import Position
 from stlbench.stl.language.expressions import COMPARISONS, Expression, Level, Node, wrap
@@ -61,7 +61,19 @@ class Not(Node):
 
 
 @dataclass(frozen=True)
-class _Joined(Node):
+class Connective(Node):
+    """And, or, implies: the least of its operands (`least`) or the greatest, some of them negated."""
+
+    least: ClassVar[bool] = False
+
+    @property
+    def signed(self) -> tuple[tuple[Formula, bool], ...]:
+        """The operands, each with whether its negation counts."""
+        return tuple((cast("Formula", operand), False) for operand in self.operands)
+
+
+@dataclass(frozen=True)
+class _Joined(Connective):
     symbol: ClassVar[str]
     args: tuple[Formula, ...]
     typed: str | None = field(init=False, default=None, compare=False, repr=False)
@@ -83,29 +95,30 @@ class _Joined(Node):
         return self.typed or f" {self.symbol} ".join(wrap(arg, self.level + 1) for arg in self.printed)
 
 
-@dataclass(frozen=True)
 class And(_Joined):
     """`args[0] & args[1] & ...`, two or more; conjunctions inside are flattened."""
 
-    level: ClassVar[int] = Level.AND
-    symbol: ClassVar[str] = "&"
+    level, symbol, least = Level.AND, "&", True
 
 
-@dataclass(frozen=True)
 class Or(_Joined):
     """`args[0] | args[1] | ...`, two or more; disjunctions inside are flattened."""
 
-    level: ClassVar[int] = Level.OR
-    symbol: ClassVar[str] = "|"
+    level, symbol = Level.OR, "|"
 
 
 @dataclass(frozen=True)
-class Implies(Node):
+class Implies(Connective):
     """`left -> right`, that is `!left | right`."""
 
     level: ClassVar[int] = Level.IMPLIES
     left: Formula
     right: Formula
+
+    @property
+    def signed(self) -> tuple[tuple[Formula, bool], ...]:
+        """`left`, whose negation counts, and `right`."""
+        return (self.left, True), (self.right, False)
 
     def __str__(self) -> str:
         return f"{wrap(self.left, Level.IMPLIES + 1)} -> {wrap(self.right, Level.IMPLIES)}"
@@ -113,9 +126,10 @@ class Implies(Node):
 
 @dataclass(frozen=True)
 class _Temporal(Node):
-    """An operator on the steps [t+a, t+b], of the past [t-b, t-a]; `b` is `END`, with a = 0, without an interval."""
+    """An operator on the steps [t+a, t+b], of the `past` [t-b, t-a]; `b` is `END`, with a = 0, without an interval."""
 
     letter: ClassVar[str]
+    past: ClassVar[bool] = False
     a: int
     b: int
 
@@ -134,8 +148,11 @@ class _Temporal(Node):
 
 
 @dataclass(frozen=True)
-class _Window(_Temporal):
+class Window(_Temporal):
+    """G, F, H, O: the least of `arg` in the interval (`least`), or the greatest."""
+
     level: ClassVar[int] = Level.PREFIX
+    least: ClassVar[bool] = False
     arg: Formula
 
     def __str__(self) -> str:
@@ -145,36 +162,34 @@ class _Window(_Temporal):
         return f"{self.operator} {text}"
 
 
-@dataclass(frozen=True)
-class Always(_Window):
+class Always(Window):
     """`G[a,b] arg`: arg at every step of [t+a, t+b]."""
 
-    letter: ClassVar[str] = "G"
+    letter, least = "G", True
 
 
-@dataclass(frozen=True)
-class Eventually(_Window):
+class Eventually(Window):
     """`F[a,b] arg`: arg at some step of [t+a, t+b]."""
 
-    letter: ClassVar[str] = "F"
+    letter = "F"
 
 
-@dataclass(frozen=True)
-class Historically(_Window):
+class Historically(Window):
     """`H[a,b] arg`: arg at every step of [t-b, t-a] that the trace has, which begins at step 0."""
 
-    letter: ClassVar[str] = "H"
+    letter, least, past = "H", True, True
 
 
-@dataclass(frozen=True)
-class Once(_Window):
+class Once(Window):
     """`O[a,b] arg`: arg at some step of [t-b, t-a] that the trace has, which begins at step 0."""
 
-    letter: ClassVar[str] = "O"
+    letter, past = "O", True
 
 
 @dataclass(frozen=True)
-class _Between(_Temporal):
+class Between(_Temporal):
+    """U, R, S."""
+
     level: ClassVar[int] = Level.UNTIL
     left: Formula
     right: Formula
@@ -183,31 +198,31 @@ class _Between(_Temporal):
         return f"{wrap(self.left, Level.UNTIL + 1)} {self.operator} {wrap(self.right, Level.UNTIL)}"
 
 
-@dataclass(frozen=True)
-class Until(_Between):
+class Until(Between):
     """`left U[a,b] right`: right at some t' of [t+a, t+b], left at every step of [t, t') - t' itself excluded."""
 
-    letter: ClassVar[str] = "U"
+    letter = "U"
 
 
-@dataclass(frozen=True)
-class Release(_Between):
+class Release(Between):
     """`left R[a,b] right`: at every t' of [t+a, t+b] right, or left at some step of [t, t'); the dual of until."""
 
-    letter: ClassVar[str] = "R"
+    letter = "R"
 
 
-@dataclass(frozen=True)
-class Since(_Between):
+class Since(Between):
     """`left S[a,b] right`: right at some t' of [t-b, t-a] that the trace has, left at every step of (t', t]."""
 
-    letter: ClassVar[str] = "S"
+    letter, past = "S", True
 
 
-Past: TypeAlias = Historically | Once | Since
-Temporal: TypeAlias = Always | Eventually | Until | Release | Past
+Temporal: TypeAlias = Always | Eventually | Historically | Once | Until | Release | Since
 Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Temporal
 AnyNode: TypeAlias = Expression | Formula
+#: the temporal operators, by letter
+WINDOWS: dict[str, type[Always | Eventually | Historically | Once]]
+WINDOWS = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
+BETWEEN: dict[str, type[Until | Release | Since]] = {kind.letter: kind for kind in (Until, Release, Since)}
 
 
 def iff(left: Formula, right: Formula, position: Position | None = None) -> Formula:
@@ -221,14 +236,6 @@ def xor(left: Formula, right: Formula, position: Position | None = None) -> Form
     both = And((left, right), position=position)
     one = And((Or((left, right), position=position), Not(both, position=position)), position=position)
     return _as_typed(one, Level.XOR, left, "xor", right)
-
-
-def release(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:
-    """`left R[a,b] right`, intervals in steps: as !(!left U[a,b] !right).
-
-    At every step t' of [t+a, t+b] right holds, or left holds at some step of [t, t').
-    """
-    return Release(a, b, left, right, position=position)
 
 
 def weak_until(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:

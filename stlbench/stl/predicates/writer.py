@@ -18,7 +18,7 @@ import numpy as np
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.functions import FUNCTIONS
 from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
-from stlbench.stl.language.syntax import And, Formula, Implies, Not, Or, Predicate, TrueFormula
+from stlbench.stl.language.syntax import Connective, Formula, Not, Predicate, TrueFormula
 from stlbench.stl.predicates.dialect import Dialect, zero_side
 
 #: the value of a formula: its margin, its signed margin (see `dialect`), or its verdict
@@ -171,10 +171,9 @@ class FormulaWriter(ExpressionWriter):
                 return self.predicate(node, negated, base)
             case Not(arg):
                 return self.formula(arg, not negated, base)
-            case And(args) | Or(args):
-                return self.joined([(arg, negated) for arg in args], isinstance(node, And) is not negated, base)
-            case Implies(left, right):
-                return self.joined([(left, not negated), (right, negated)], negated, base)
+            case Connective():
+                parts = [(arg, own is not negated) for arg, own in node.signed]
+                return self.joined(parts, node.least is not negated, base)
             case TrueFormula():
                 verdict = self.reading == "holds"
                 return constant(not negated if verdict else -math.inf if negated else math.inf, base)

@@ -19,20 +19,14 @@ from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
 from stlbench.stl.language.syntax import (
     END,
-    Always,
-    And,
-    Eventually,
+    Between,
+    Connective,
     Formula,
-    Historically,
-    Implies,
     Not,
-    Once,
-    Or,
     Predicate,
     Release,
-    Since,
     TrueFormula,
-    Until,
+    Window,
 )
 from stlbench.stl.predicates import compile_arrays
 from stlbench.stl.predicates.writer import Reading
@@ -73,35 +67,23 @@ def evaluator(formula: Formula, names: tuple[str, ...], reading: Reading, checke
     if not is_temporal(formula):
         return _pointwise(formula, names, reading, checked)
 
-    def of(operand: Formula) -> Evaluator:
-        return evaluator(operand, names, reading, checked)
+    def of(operand: Formula, negated: bool = False) -> Evaluator:
+        inner = evaluator(operand, names, reading, checked)
+        return _negated(inner) if negated else inner
 
     match formula:
         case Not(arg):
-            return _negated(of(arg))
-        case And(args) | Or(args):
-            return _joined([of(arg) for arg in args], _EXTREMES[type(formula)][0])
-        case Implies(left, right):
-            return _joined([_negated(of(left)), of(right)], np.maximum)
-        case Always(a, b, arg) | Eventually(a, b, arg):
-            return _window(of(arg), a, b, lookahead(arg), *_EXTREMES[type(formula)])
-        case Until(a, b, left, right):
-            return _until(of(left), of(right), a, b, lookahead(formula))
-        case Release(a, b, left, right):
-            return _negated(_until(_negated(of(left)), _negated(of(right)), a, b, lookahead(formula)))
-        case Historically(a, b, arg) | Once(a, b, arg):
-            return _past_window(formula, of(arg), a, b, *_EXTREMES[type(formula)])
-        case Since(a, b, left, right):
-            return _since(formula, of(left), of(right), a, b)
+            return of(arg, True)
+        case Connective():
+            return _joined([of(*part) for part in formula.signed], np.minimum if formula.least else np.maximum)
+        case Window():
+            return _window(formula, of(formula.arg))
+        case Release():  # the opposite of an until of the opposites
+            return _negated(_between(formula, of(formula.left, True), of(formula.right, True)))
+        case Between():
+            return _between(formula, of(formula.left), of(formula.right))
         case _:  # pragma: no cover - predicates and True are pointwise
             raise AssertionError(formula)
-
-
-#: the extreme that an operator takes, and its value of an empty window
-_EXTREMES: dict[type, tuple[np.ufunc, float]] = {
-    **dict.fromkeys((And, Always, Historically), (np.minimum, math.inf)),
-    **dict.fromkeys((Or, Eventually, Once), (np.maximum, -math.inf)),
-}
 
 
 def _pointwise(psi: Formula, names: tuple[str, ...], reading: Reading, checked: bool) -> Evaluator:
@@ -144,12 +126,12 @@ def unknown(psi: Formula, names: tuple[str, ...], reading: Reading, worst: bool)
     match psi:
         case Not(arg):
             return -unknown(arg, names, reading, not worst)
-        case And(args):
-            return min(unknown(arg, names, reading, worst) for arg in args)
-        case Or(args):
-            return max(unknown(arg, names, reading, worst) for arg in args)
-        case Implies(left, right):
-            return max(-unknown(left, names, reading, not worst), unknown(right, names, reading, worst))
+        case Connective():
+            parts = (
+                -unknown(arg, names, reading, not worst) if negated else unknown(arg, names, reading, worst)
+                for arg, negated in psi.signed
+            )
+            return (min if psi.least else max)(parts)
         case TrueFormula():
             return math.inf
         case _:
@@ -168,88 +150,62 @@ def _joined(args: list[Evaluator], pick: np.ufunc) -> Evaluator:
     return lambda traces, lo, hi, worst: reduce(pick, [arg(traces, lo, hi, worst) for arg in args])
 
 
-def _window(arg: Evaluator, a: int, b: int, beyond: int, pick: np.ufunc, empty: float) -> Evaluator:
-    """G or F; `beyond` steps must follow one at which `arg` has a value."""
+def _window(formula: Window, arg: Evaluator) -> Evaluator:
+    """G, F, H or O: the extreme at the steps of the interval that the trace has."""
+    pick, empty = (np.minimum, math.inf) if formula.least else (np.maximum, -math.inf)
+    beyond, first = lookahead(formula.arg), lookbehind(formula.arg)
 
     def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
-        if b == END and traces.end == "strict":
-            return _to_the_end(arg(traces, lo, traces.last - beyond, worst), hi - lo + 1, pick)
-        start, stop = _capped(traces, a, b, lo)
-        ahead = _ahead(arg, traces, lo + start, hi + stop, worst, empty)
-        return slide(ahead, stop - start + 1, pick)
-
-    return run
-
-
-def _until(left: Evaluator, right: Evaluator, a: int, b: int, beyond: int) -> Evaluator:
-    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
-        if b == END and traces.end == "strict":
-            last = traces.last - beyond
-            goal = right(traces, lo, last, worst)
-            if last == lo:
-                return goal
-            guard, padding = left(traces, lo, last - 1, worst), np.full((len(goal), hi - lo), -math.inf)
-            return until(np.hstack([guard, padding]), np.hstack([goal, padding]), 0, hi - lo + 1)
-        start, stop = _capped(traces, a, b, lo)
-        goal = _ahead(right, traces, lo + start, hi + stop, worst, -math.inf)
-        if stop == 0:
-            return goal
-        guard = _ahead(left, traces, lo, hi + stop - 1, worst, math.inf)
-        return until(guard, goal, start, hi - lo + 1)
-
-    return run
-
-
-def _past_window(
-    formula: Historically | Once, arg: Evaluator, a: int, b: int, pick: np.ufunc, empty: float
-) -> Evaluator:
-    """H or O, its window cut at step 0."""
-    first = lookbehind(formula.arg)
-
-    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
-        if b == END:
+        if formula.b == END and formula.past:
             start = first if formula in traces.before else 0
             values = arg(traces, start, hi, worst)
             if formula in traces.before:
                 values = np.column_stack([pick(values[:, 0], traces.before[formula]), values[:, 1:]])
             so_far: Values = pick.accumulate(values, axis=1)[:, lo - start :]
             return so_far
-        stop, start = min(a, hi + 1), min(b, hi + 1)  # huge intervals cost no memory
-        return slide(_behind(arg, traces, lo - start, hi - stop, worst, empty), start - stop + 1, pick)
+        if formula.b == END and traces.end == "strict":
+            return _to_the_end(arg(traces, lo, traces.last - beyond, worst), hi - lo + 1, pick)
+        near, far = _reach(formula, traces, lo, hi)
+        ends = (lo - far, hi - near) if formula.past else (lo + near, hi + far)
+        return slide(_around(arg, traces, *ends, worst, empty), far - near + 1, pick)
 
     return run
 
 
-def _since(formula: Since, left: Evaluator, right: Evaluator, a: int, b: int) -> Evaluator:
-    """An until of the steps in reverse."""
-    first = max(lookbehind(formula.left), lookbehind(formula.right))
+def _between(formula: Between, left: Evaluator, right: Evaluator) -> Evaluator:
+    """An until; for the past, of the steps in reverse."""
+    beyond, first = lookahead(formula), max(lookbehind(formula.left), lookbehind(formula.right))
 
     def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
-        known = traces.before.get(formula)
-        if known is not None:  # as if the goal had that value at the step before `first`
-            goal = np.column_stack([known, right(traces, first, hi, worst)])
-            guard = left(traces, first, hi, worst)
-            earlier = np.full((len(goal), hi - lo), -math.inf)
-            goal, guard = np.hstack([earlier, goal]), np.hstack([earlier, guard])
-            return until(guard[:, ::-1], goal[:, ::-1], 0, hi - lo + 1)[:, ::-1]
-        stop, start = min(a, hi + 1), min(b, hi + 1)  # huge intervals cost no memory
-        goal = _behind(right, traces, lo - start, hi - stop, worst, -math.inf)
-        if start == 0:
-            return goal
-        guard = _behind(left, traces, lo - start + 1, hi, worst, math.inf)
-        return until(guard[:, ::-1], goal[:, ::-1], stop, hi - lo + 1)[:, ::-1]
+        def joined(guard: Values, goal: Values, near: int) -> Values:
+            if formula.past:
+                return until(guard[:, ::-1], goal[:, ::-1], near, hi - lo + 1)[:, ::-1]
+            return until(guard, goal, near, hi - lo + 1)
+
+        if formula.past and formula in traces.before:  # as if the goal had that value at the step before `first`
+            goal = np.column_stack([traces.before[formula], right(traces, first, hi, worst)])
+            return joined(_lengthened(left(traces, first, hi, worst), lo - hi), _lengthened(goal, lo - hi), 0)
+        if formula.b == END and traces.end == "strict" and not formula.past:
+            last = traces.last - beyond
+            goal = right(traces, lo, last, worst)
+            if last == lo:
+                return goal
+            return joined(_lengthened(left(traces, lo, last - 1, worst), hi - lo), _lengthened(goal, hi - lo), 0)
+        near, far = _reach(formula, traces, lo, hi)
+        if formula.past:
+            goals, guards = (lo - far, hi - near), (lo - far + 1, hi)
+        else:
+            goals, guards = (lo + near, hi + far), (lo, hi + far - 1)
+        goal = _around(right, traces, *goals, worst, -math.inf)
+        return joined(_around(left, traces, *guards, worst, math.inf), goal, near) if far else goal
 
     return run
 
 
-def _behind(arg: Evaluator, traces: Traces, lo: int, hi: int, worst: bool, empty: float) -> Values:
-    """Values at lo..hi where lo may lie before step 0: `empty` there."""
-    if lo >= 0:
-        return arg(traces, lo, hi, worst)
-    out = np.full((traces.samples.shape[0], hi - lo + 1), empty)
-    if hi >= 0:
-        out[:, -lo:] = arg(traces, 0, hi, worst)
-    return out
+def _lengthened(values: Values, count: int) -> Values:
+    """So many steps more at which nothing holds; for a negative count, earlier ones."""
+    nothing = np.full((len(values), abs(count)), -math.inf)
+    return np.hstack([values, nothing] if count > 0 else [nothing, values])
 
 
 def _to_the_end(values: Values, count: int, pick: np.ufunc) -> Values:
@@ -260,23 +216,26 @@ def _to_the_end(values: Values, count: int, pick: np.ufunc) -> Values:
     return later[:, :count]
 
 
-def _capped(traces: Traces, a: int, b: int, lo: int) -> tuple[int, int]:
-    """Interval ends, cut where every window is past the end already, so that huge intervals cost no memory."""
-    beyond = traces.last - lo + 1
-    return min(a, beyond), min(b, beyond)
+def _reach(formula: Window | Between, traces: Traces, lo: int, hi: int) -> tuple[int, int]:
+    """How far the interval's ends are, cut where every window is outside: huge intervals cost no memory."""
+    outside = hi + 1 if formula.past else traces.last - lo + 1
+    return min(formula.a, outside), min(formula.b, outside)
 
 
-def _ahead(arg: Evaluator, traces: Traces, lo: int, hi: int, worst: bool, empty: float) -> Values:
-    """Values at lo..hi where hi may lie past the end: `empty` there, or under `interval` the unknown value."""
+def _around(arg: Evaluator, traces: Traces, lo: int, hi: int, worst: bool, empty: float) -> Values:
+    """Values at lo..hi, `empty` outside of the trace; under `interval` what is still to come is unknown there."""
     last = traces.last
-    if hi <= last:
+    if lo >= 0 and hi <= last:
         return arg(traces, lo, hi, worst)
+    if lo < 0 or (lo > last and traces.end != "interval"):
+        out = np.full((traces.samples.shape[0], hi - lo + 1), empty)
+        if lo < 0 <= hi:
+            out[:, -lo:] = arg(traces, 0, hi, worst)
+        return out
+    known = arg(traces, min(lo, last), last, worst)
     if traces.end == "interval":
-        known = arg(traces, min(lo, last), last, worst)
         return _pad(known, hi - max(lo, last), known[:, -1:])[:, -(hi - lo + 1) :]
-    if lo > last:
-        return np.full((traces.samples.shape[0], hi - lo + 1), empty)
-    return _pad(arg(traces, lo, last, worst), hi - last, empty)
+    return _pad(known, hi - last, empty)
 
 
 def _pad(values: Values, count: int, fill: Any) -> Values:

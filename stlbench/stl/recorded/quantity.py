@@ -14,7 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside, operands_of
-from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Not, Or, Release, Until
+from stlbench.stl.language.syntax import And, Between, Connective, Formula, Not, Or, Release, Window
 from stlbench.stl.predicates import margin
 from stlbench.stl.recorded.folds import Semantics
 
@@ -74,20 +74,20 @@ class Quantity:
         match node:
             case Not(arg):
                 return -self._at(arg, leaves, steps, ends)
-            case And(args) | Or(args):
-                fold = self.semantics.least if isinstance(node, And) else self.semantics.greatest
-                return fold(np.stack([self._at(arg, leaves, steps, ends) for arg in args], axis=-1))
-            case Always() | Eventually():
+            case Connective():
+                fold = self.semantics.least if node.least else self.semantics.greatest
+                return fold(np.stack([self._at(arg, leaves, steps, ends) for arg, _ in node.signed], axis=-1))
+            case Window():
                 return self._window(node, leaves, steps, ends)
-            case Until() | Release():
+            case Between():
                 each = [self._between(node, leaves, t, ends) for t in range(steps[0], steps[1] + 1)]
                 return np.stack(each, axis=-1)
             case _:  # pragma: no cover - a leaf
                 raise AssertionError(node)
 
-    def _window(self, node: Always | Eventually, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:
-        always, (lo, hi) = isinstance(node, Always), steps
-        fold = self.semantics.least if always else self.semantics.eventually
+    def _window(self, node: Window, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:
+        lo, hi = steps
+        fold = self.semantics.least if node.least else self.semantics.eventually
         first, last = lo + node.a, leaves.shape[1] - 1
         read = min(hi + node.b, last)
         lifted = np.full((len(leaves), hi + node.b - first + 1, fold.size), fold.empty)
@@ -95,10 +95,10 @@ class Quantity:
             lifted[:, : read - first + 1] = fold.lift(self._at(node.arg, leaves, (first, read), ends))
         windows = sliding_window_view(lifted, node.b - node.a + 1, axis=1)  # (n, hi - lo + 1, size, width)
         values = fold.read(fold.merged(windows.swapaxes(-1, -2)))
-        values[:, max(last - node.a - lo + 1, 0) :] = ends[always]  # of windows that begin after the last sample
+        values[:, max(last - node.a - lo + 1, 0) :] = ends[node.least]  # of windows that begin after the last sample
         return values
 
-    def _between(self, node: Until | Release, leaves: Floats, t: int, ends: Ends) -> Floats:
+    def _between(self, node: Between, leaves: Floats, t: int, ends: Ends) -> Floats:
         """At one step: the least of each goal in the interval and of the guard before it, and the greatest of these.
 
         Of a release the greatest of each, and the least of these.

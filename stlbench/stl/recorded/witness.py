@@ -12,22 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from stlbench.stl.language.structure import as_names, lookahead
 from stlbench.stl.language.syntax import (
     END,
-    Always,
     And,
-    Eventually,
+    Between,
+    Connective,
     Formula,
-    Historically,
-    Implies,
     Not,
-    Once,
-    Or,
-    Past,
     Predicate,
     Release,
-    Since,
-    Temporal,
     TrueFormula,
-    Until,
+    Window,
 )
 from stlbench.stl.predicates import margin
 from stlbench.stl.predicates.dialect import as_array
@@ -128,31 +121,29 @@ class _Search(NamedTuple):
         match formula:
             case Not(arg):
                 return Link(arg, t), -1
-            case And(args) | Or(args):
-                pick = np.argmin if isinstance(formula, And) else np.argmax
-                return Link(args[int(pick([self.values(arg, t, t)[0] for arg in args]))], t), 1
-            case Implies(left, right):
-                vacuous = -self.values(left, t, t)[0] >= self.values(right, t, t)[0]
-                return (Link(left, t), -1) if vacuous else (Link(right, t), 1)
-            case Always() | Historically() | Eventually() | Once():
+            case Connective():
+                values = [(-1 if negated else 1) * self.values(arg, t, t)[0] for arg, negated in formula.signed]
+                arg, negated = formula.signed[int((np.argmin if formula.least else np.argmax)(values))]
+                return Link(arg, t), -1 if negated else 1
+            case Window():
                 return self._window(formula, t), 1
-            case Until() | Release() | Since():
+            case Between():
                 return self._between(formula, t), 1
             case _:  # pragma: no cover - nothing is below predicates and True
                 raise AssertionError(formula)
 
-    def _window(self, formula: Always | Eventually | Historically | Once, t: int) -> Link:
-        pick = np.argmin if isinstance(formula, Always | Historically) else np.argmax
+    def _window(self, formula: Window, t: int) -> Link:
+        pick = np.argmin if formula.least else np.argmax
         near, far = formula.a, self._far(formula, t)
-        first, last = (t - far, t - near) if isinstance(formula, Past) else (t + near, t + far)
+        first, last = (t - far, t - near) if formula.past else (t + near, t + far)
         return Link(formula.arg, first + int(pick(self.values(formula.arg, first, last))))
 
-    def _between(self, formula: Until | Release | Since, t: int) -> Link:
+    def _between(self, formula: Between, t: int) -> Link:
         """At the best step for `right`: that, or the worst of `left` on the way there, whichever is less.
 
         A release is an until of the opposites. A since is an until whose steps are counted backwards.
         """
-        near, far, way = formula.a, self._far(formula, t), -1 if isinstance(formula, Since) else 1
+        near, far, way = formula.a, self._far(formula, t), -1 if formula.past else 1
         sign = -1 if isinstance(formula, Release) else 1
 
         def at(operand: Formula, nearest: int, farthest: int) -> NDArray[np.float64]:
@@ -167,13 +158,13 @@ class _Search(NamedTuple):
             return Link(formula.right, t + way * (near + best))
         return Link(formula.left, t + way * int(np.argmin(guard[: near + best])))
 
-    def _far(self, formula: Temporal, t: int) -> int:
+    def _far(self, formula: Window | Between, t: int) -> int:
         """How many steps from t the operator's interval reaches, cut at step 0.
 
         Raises:
             ValueError: the whole interval lies before step 0.
         """
-        if isinstance(formula, Past):
+        if formula.past:
             if t < formula.a:
                 raise ValueError(f"no sample decides: at step {t}, {formula.operator} looks before sample 0 alone")
             return min(t, formula.b)

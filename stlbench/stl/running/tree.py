@@ -11,7 +11,19 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from stlbench.stl.language.expressions import MAX_DEPTH
 from stlbench.stl.language.structure import horizon, is_temporal, unbounded
-from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
+from stlbench.stl.language.syntax import (
+    END,
+    Always,
+    And,
+    Between,
+    Connective,
+    Eventually,
+    Formula,
+    Not,
+    Or,
+    Release,
+    Window,
+)
 from stlbench.stl.recorded.evaluator import unknown
 
 #: least and greatest value, as floats or as arrays
@@ -92,31 +104,22 @@ class Tree(Generic[L]):
                 return self._eventually(formula, (0, 0), negated, False)
             case Not(arg):
                 return self._build(arg, not negated)
-            case And() | Or():
-                parts = [self._build(arg, negated) for arg in _together(formula)]
-                return Joined(parts, kit.least if isinstance(formula, And) is not negated else kit.greatest)
-            case Implies(left, right):
-                parts = [self._build(left, not negated), self._build(right, negated)]
-                return Joined(parts, kit.least if negated else kit.greatest)
-            case _:
-                return self._temporal(formula, negated)
-
-    def _temporal(self, formula: Formula, negated: bool) -> Part:
-        always = isinstance(formula, Always)
-        match formula:
-            case Always(a, b, psi) | Eventually(a, b, psi) if not is_temporal(psi):
-                return self._eventually(psi, (a, b), always, always is not negated)
-            case Always(a, c, Always(d, e, psi)) | Eventually(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
-                both = a + d, END if END in (c, e) else c + e
-                return self._eventually(psi, both, always, always is not negated)
-            case Eventually(a, c, Always(d, e, psi)) | Always(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
-                return self._nested(psi, (a, c), (d, e), always, always is not negated)
-            case Until(a, b, left, right) | Release(a, b, left, right) if not (is_temporal(left) or is_temporal(right)):
+            case Connective():
+                parts = [self._build(arg, own is not negated) for arg, own in _together(formula)]
+                return Joined(parts, kit.least if formula.least is not negated else kit.greatest)
+            case Window(a, b, arg) if not (formula.past or is_temporal(arg)):
+                return self._eventually(arg, (a, b), formula.least, formula.least is not negated)
+            case Window(a, b, Window(c, d, arg) as inner) if not (formula.past or inner.past or is_temporal(arg)):
+                least, flipped = formula.least, formula.least is not negated
+                if inner.least is not least:
+                    return self._nested(arg, (a, b), (c, d), least, flipped)
+                return self._eventually(arg, (a + c, END if END in (b, d) else b + d), least, flipped)
+            case Between(a, b, left, right) if not (formula.past or is_temporal(left) or is_temporal(right)):
                 dual = isinstance(formula, Release)  # a release is the opposite of an until of the opposites
                 psis = self._pointwise(left, dual), self._pointwise(right, dual)
-                return self._leaf(self.kit.until(*psis, (a, b), dual is not negated))
+                return self._leaf(kit.until(*psis, (a, b), dual is not negated))
             case _:
-                return self._leaf(self.kit.replayed(formula, self.names, negated))
+                return self._leaf(kit.replayed(formula, self.names, negated))
 
     def _eventually(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
         return self._leaf(self.kit.until(None, self._pointwise(psi, negated), interval, flipped))
@@ -137,12 +140,14 @@ class Tree(Generic[L]):
         return leaf
 
 
-def _together(formula: And | Or) -> Sequence[Formula]:
-    """The operands, where all G[a,b] psi of an `&` (all F of an `|`) with the same interval become one.
+def _together(formula: Connective) -> Sequence[tuple[Formula, bool]]:
+    """The signed operands, where all G[a,b] psi of an `&` (all F of an `|`) with the same interval become one.
 
     So thousands of conjuncts are a few operators.
     """
-    kind, window = (And, Always) if isinstance(formula, And) else (Or, Eventually)
+    if not isinstance(formula, And | Or) or formula.depth >= MAX_DEPTH - 1:
+        return formula.signed
+    kind, window = (And, Always) if formula.least else (Or, Eventually)
     now, windows, others = list[Formula](), dict[Interval, list[Formula]](), list[Formula]()
     for arg in formula.args:
         if not is_temporal(arg):
@@ -151,14 +156,12 @@ def _together(formula: And | Or) -> Sequence[Formula]:
             windows.setdefault((arg.a, arg.b), []).append(arg.arg)
         else:
             others.append(arg)
-    if formula.depth >= MAX_DEPTH - 1:
-        return formula.args
 
     def one(psis: Sequence[Formula]) -> Formula:
         return kind(tuple(psis)) if len(psis) > 1 else psis[0]
 
     joined = [window(a, b, one(psis)) for (a, b), psis in windows.items()]
-    return [*([one(now)] if now else []), *joined, *others]
+    return [(arg, False) for arg in (*([one(now)] if now else []), *joined, *others)]
 
 
 def last_step(formula: Formula) -> int:

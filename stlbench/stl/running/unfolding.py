@@ -34,18 +34,18 @@ from stlbench.stl.language.syntax import (
     END,
     Always,
     And,
+    Connective,
     Eventually,
     Formula,
-    Implies,
     Not,
     Once,
-    Or,
-    Past,
     Predicate,
     Release,
     Since,
+    Temporal,
     TrueFormula,
     Until,
+    Window,
 )
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
 
@@ -113,7 +113,12 @@ class Unfolding:
         self.open = self.reaches and self.b == END == self.ahead and _stays_open(right, names, True)
         self.parts = [self._evaluator(part, checked=True) for part in _pointwise_parts(right)] if self.open else []
         self.window = 1 if self.open else min(END, self.ahead + self.behind + 1)
-        endless = (node for operand in operands for node in walk(operand) if isinstance(node, Past) and node.b == END)
+        endless = (
+            node
+            for operand in operands
+            for node in walk(operand)
+            if isinstance(node, Temporal) and node.past and node.b == END
+        )
         self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
 
     def begin(self, count: int) -> State:
@@ -255,13 +260,11 @@ def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
     match formula:
         case Not(arg):
             return _stays_open(arg, names, not worst)
-        case And(args) | Or(args):
-            some = isinstance(formula, And) == worst
-            return (any if some else all)(_stays_open(arg, names, worst) for arg in args)
-        case Implies(left, right):
-            return _stays_open(Or((Not(left), right)), names, worst)
-        case Always(0, b, arg) | Eventually(0, b, arg):
-            if b == END and isinstance(formula, Always) == worst and first_past(arg) is None:
+        case Connective():
+            some = any if formula.least == worst else all
+            return some(_stays_open(arg, names, worst is not negated) for arg, negated in formula.signed)
+        case Window(0, b, arg) if not formula.past:
+            if b == END and formula.least == worst and first_past(arg) is None:
                 return abs(_to_come(arg, names, worst)) == np.inf and (_to_come(arg, names, worst) < 0) == worst
             return _stays_open(arg, names, worst)
         case _:

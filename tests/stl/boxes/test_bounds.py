@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, SEEDS, pointwise
-from hypothesis import given, settings
+from hypothesis import given
 
 from stlbench.stl import Formula, UndefinedError, UnknownSignalError, bounds, margin, parse
 
@@ -54,7 +54,6 @@ def test_extremes(text: str, lower: float, upper: float) -> None:
     assert proven.tight
 
 
-@settings(max_examples=60)
 @given(pointwise(), SEEDS)
 def test_no_sample_lies_outside(psi: Formula, seed: int) -> None:
     rng = np.random.default_rng(seed)

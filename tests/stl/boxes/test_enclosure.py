@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from helpers.generated_formulas import EXPRESSIONS, NAMES, SEEDS, pointwise
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.typing import NDArray
 
 from stlbench.stl import Expression, Formula, margin, parse
@@ -55,7 +55,6 @@ def test_operation_contains_its_values(text: str) -> None:
             assert_contains(centred, values)
 
 
-@settings(max_examples=100)
 @given(pointwise(), SEEDS)
 def test_formula_contains_its_margins(psi: Formula, seed: int) -> None:
     boxes, rng = random_boxes(seed), np.random.default_rng(seed)
@@ -67,7 +66,6 @@ def test_formula_contains_its_margins(psi: Formula, seed: int) -> None:
             assert_contains(centred, values)
 
 
-@settings(max_examples=100)
 @given(EXPRESSIONS, SEEDS)
 def test_slopes_contain_difference_quotients(node: Expression, seed: int) -> None:
     psi = parse(f"{node} >= 0")

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import Call, Signal, StlSyntaxError, parse
@@ -37,7 +37,6 @@ def test_values_by_hand(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@settings(max_examples=60)
 @given(st.lists(VALUES, min_size=1, max_size=6))
 def test_floats_arrays_domains_and_source_agree(name: str, args: list[float]) -> None:
     row = FUNCTIONS[name]
@@ -61,7 +60,6 @@ def test_floats_arrays_domains_and_source_agree(name: str, args: list[float]) ->
         assert (0.0 if abs(written) <= 2.0**-1022 else written) == (0.0 if abs(number) <= 2.0**-1022 else number)
 
 
-@settings(max_examples=200)
 @given(st.floats(-20, 20), st.floats(0, 4))
 def test_a_range_without_a_pole_is_where_tan_rises(low: float, width: float) -> None:
     leaves = FUNCTIONS["tan"].domain.may_leave(low, low + width)  # type: ignore[union-attr]

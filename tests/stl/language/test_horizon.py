@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helpers.generated_formulas import NAMES, SEEDS, formulas, told, traces
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 from stlbench.stl import END, Always, Formula, FragmentError, UnboundedError, fragment, horizon, parse, resolve_end
 from stlbench.stl import robustness as rho
@@ -28,7 +28,6 @@ def test_intervals_for_an_episode_of_9_steps(text: str, resolved: str) -> None:
     assert resolve_end(parse(text), 9) == parse(resolved)
 
 
-@settings(max_examples=80)
 @given(formulas(endless=True), SEEDS)
 def test_resolved_formulas_say_the_same_of_such_traces(formula: Formula, seed: int) -> None:
     last = max(0, -told(formula, 0)) + 4
@@ -41,7 +40,6 @@ def test_resolved_formulas_say_the_same_of_such_traces(formula: Formula, seed: i
     assert rho(resolved, trace, NAMES) == rho(formula, trace, NAMES)
 
 
-@settings(max_examples=200)
 @given(formulas(endless=True))
 def test_lookahead_is_what_must_follow(formula: Formula) -> None:
     assert lookahead(formula) == -told(formula, 0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, PREDICATES, SEEDS, formulas, intervals, naive, traces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -21,13 +21,13 @@ from stlbench.stl import (
     Number,
     Or,
     Predicate,
+    Release,
     Signal,
     TrueFormula,
     horizon,
     iff,
     is_temporal,
     parse,
-    release,
     resolve_end,
     robustness,
     robustness_trace,
@@ -37,7 +37,6 @@ from stlbench.stl import (
     xor,
 )
 
-quick = settings(max_examples=60)
 P, Q, R = (Predicate(">=", Signal(name), Number(0)) for name in "pqr")
 LETTERS = st.builds(
     Predicate,
@@ -53,18 +52,18 @@ LETTERS = st.builds(
         ("p >= 0 <-> q >= 0", iff(P, Q)),
         ("p >= 0 iff q >= 0", iff(P, Q)),
         ("p >= 0 xor q >= 0", xor(P, Q)),
-        ("p >= 0 R[1,3] q >= 0", release(1, 3, P, Q)),
-        ("p >= 0 release [1,3] q >= 0", release(1, 3, P, Q)),
+        ("p >= 0 R[1,3] q >= 0", Release(1, 3, P, Q)),
+        ("p >= 0 release [1,3] q >= 0", Release(1, 3, P, Q)),
         ("p >= 0 W[1,3] q >= 0", weak_until(1, 3, P, Q)),
         ("p >= 0 weak_until q >= 0", weak_until(0, END, P, Q)),
-        ("p >= 0 R q >= 0", release(0, END, P, Q)),
+        ("p >= 0 R q >= 0", Release(0, END, P, Q)),
         ("p >= 0 <-> q >= 0 -> r >= 0", iff(P, Implies(Q, R))),
         ("p >= 0 -> q >= 0 xor r >= 0", Implies(P, xor(Q, R))),
         ("p >= 0 xor q >= 0 | r >= 0", xor(P, Or((Q, R)))),
         ("p >= 0 xor q >= 0 xor r >= 0", xor(xor(P, Q), R)),
         ("p >= 0 <-> q >= 0 <-> r >= 0", iff(P, iff(Q, R))),
         ("p >= 0 & q >= 0 W[0,1] r >= 0", And((P, weak_until(0, 1, Q, R)))),
-        ("p >= 0 R[0,1] q >= 0 W[0,1] r >= 0", release(0, 1, P, weak_until(0, 1, Q, R))),
+        ("p >= 0 R[0,1] q >= 0 W[0,1] r >= 0", Release(0, 1, P, weak_until(0, 1, Q, R))),
     ],
 )
 def test_what_is_written(text: str, formula: Formula) -> None:
@@ -108,7 +107,6 @@ def test_letters_and_words_may_name_signals() -> None:
     assert is_temporal(parse("always -x <= 1"))
 
 
-@settings(max_examples=200)
 @given(formulas(st.one_of(LETTERS, PREDICATES), leaves=10, endless=True))
 def test_text_parses_back_to_the_same_value(formula: Formula) -> None:
     again = parse(str(formula))
@@ -120,7 +118,6 @@ def rho(formula: Formula, trace: NDArray[np.float64]) -> float:
     return robustness(formula, trace, NAMES, "clip").item()
 
 
-@quick
 @given(formulas(LIPSCHITZ, 3, 3), formulas(LIPSCHITZ, 3, 3), intervals(4), SEEDS)
 def test_the_definitions(p: Formula, q: Formula, ends: tuple[int, int], seed: int) -> None:
     trace, (a, b) = traces(7, seed), ends
@@ -129,7 +126,7 @@ def test_the_definitions(p: Formula, q: Formula, ends: tuple[int, int], seed: in
     assert rho(iff(p, q), trace) == min(max(-left, right), max(-right, left))
     assert rho(xor(p, q), trace) == min(max(left, right), max(-left, -right))
     released = [max([at[s][1], *(at[r][0] for r in range(s))]) for s in window]
-    assert rho(release(a, b, p, q), trace) == min(released, default=np.inf)
+    assert rho(Release(a, b, p, q), trace) == min(released, default=np.inf)
     reached = [min([at[s][1], *(at[r][0] for r in range(s))]) for s in window]
     throughout = min(at[s][0] for s in range(min(b, 6) + 1))
     assert rho(weak_until(a, b, p, q), trace) == max([throughout, *reached])
@@ -143,22 +140,21 @@ LAWS: list[tuple[str, Callable[..., tuple[Formula, Formula]]]] = [
     ("xor is not iff", lambda p, q, r, a, b: (xor(p, q), Not(iff(p, q)))),
     ("xor with True negates", lambda p, q, r, a, b: (xor(p, TrueFormula()), Not(p))),
     ("release is dual to until", lambda p, q, r, a, b: (
-        Not(release(a, b, p, q)), parse(f"({Not(p)}) U[{a},{b}] ({Not(q)})")
+        Not(Release(a, b, p, q)), parse(f"({Not(p)}) U[{a},{b}] ({Not(q)})")
     )),
     ("False releases G", lambda p, q, r, a, b: (
-        release(a, b, Not(TrueFormula()), q), parse(f"G[{a},{b}] ({q})")
+        Release(a, b, Not(TrueFormula()), q), parse(f"G[{a},{b}] ({q})")
     )),
-    ("weak until by release", lambda p, q, r, a, b: (weak_until(0, b, p, q), release(0, b, q, Or((p, q))))),
+    ("weak until by release", lambda p, q, r, a, b: (weak_until(0, b, p, q), Release(0, b, q, Or((p, q))))),
     ("until is weak until and F", lambda p, q, r, a, b: (
         parse(f"({p}) U[0,{b}] ({q})"), And((weak_until(0, b, p, q), parse(f"F[0,{b}] ({q})")))
     )),
-    ("release by weak until", lambda p, q, r, a, b: (release(0, b, p, q), weak_until(0, b, q, And((p, q))))),
+    ("release by weak until", lambda p, q, r, a, b: (Release(0, b, p, q), weak_until(0, b, q, And((p, q))))),
 ]  # fmt: skip
 FEW = formulas(LIPSCHITZ, 2, 3)
 
 
 @pytest.mark.parametrize(("name", "law"), LAWS, ids=[name for name, _ in LAWS])
-@settings(max_examples=25)
 @given(p=FEW, q=FEW, r=FEW, ends=intervals(4), seed=SEEDS)
 def test_law(name: str, law: Any, p: Formula, q: Formula, r: Formula, ends: tuple[int, int], seed: int) -> None:
     left, right = law(p, q, r, *ends)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helpers import plain_predicates
 from helpers.generated_formulas import COMPARISONS, NAMES, NUMBERS, SIGNALS, pointwise
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import (
@@ -76,7 +76,6 @@ def of_sample(psi: Formula, sample: Sequence[float], negated: bool = False) -> f
         return math.nan
 
 
-@settings(max_examples=200)
 @given(FORMULAS, st.lists(SAMPLES, min_size=1, max_size=8), st.booleans())
 def test_floats_and_arrays_are_the_definition_to_the_bit(
     psi: Formula, samples: list[tuple[float, float, float]], negated: bool
@@ -105,7 +104,6 @@ def test_floats_and_arrays_are_the_definition_to_the_bit(
 
 
 @pytest.mark.parametrize("text", ["exp(x)", "log(x)", "sin(x)", "cos(x)", "tan(x)", "tanh(x)", "atan2(x, y)", "x ** 3"])
-@settings(max_examples=60)
 @given(st.lists(st.tuples(VALUES, VALUES), min_size=1, max_size=8))
 def test_the_other_functions_agree_within_rounding(text: str, samples: list[tuple[float, float]]) -> None:
     psi = parse(f"{text} >= 0")
@@ -227,7 +225,6 @@ def test_no_name_reaches_the_source(name: str, reading: str) -> None:
 
 
 @pytest.mark.parametrize("reading", READINGS)
-@settings(max_examples=50)
 @given(FORMULAS)
 def test_every_word_of_the_source_is_one_of_ours(reading: str, psi: Formula) -> None:
     words = "sample not or if else is return True False"

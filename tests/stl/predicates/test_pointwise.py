@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, PREDICATES, SEEDS, traces
-from hypothesis import given, settings
+from hypothesis import given
 
 from stlbench.stl import (
     Predicate,
@@ -89,7 +89,6 @@ class TestValues:
         both = values([parse_expression("x"), parse_expression("1")], ["x"])
         assert both(np.ones((*shape, 1))).shape == (*shape, 2)
 
-    @settings(max_examples=50)
     @given(PREDICATES, SEEDS)
     def test_a_margin_is_the_difference_of_the_sides(self, psi: Predicate, seed: int) -> None:
         samples = traces(20, seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, SEEDS, formulas, traces
-from hypothesis import given, settings
+from hypothesis import given
 
 from stlbench.stl import (
     Formula,
@@ -28,7 +28,6 @@ def test_by_hand() -> None:
     assert holds_trace(parse("F[1,2] x > 0"), ["x"])(samples).tolist() == [[True, True], [False, False]]
 
 
-@settings(max_examples=100)
 @given(formulas(), SEEDS)
 def test_equals_the_checked_ones(formula: Formula, seed: int) -> None:
     steps = horizon(formula) + 4

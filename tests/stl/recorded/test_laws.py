@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, traces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import (
@@ -25,7 +25,6 @@ from stlbench.stl import (
     satisfied,
 )
 
-quick = settings(max_examples=80)
 LAWS: list[tuple[str, Any]] = [
     ("double negation", lambda p, q, a, b: (Not(Not(p)), p)),
     ("F is not G not", lambda p, q, a, b: (Eventually(a, b, p), Not(Always(a, b, Not(p))))),
@@ -57,7 +56,6 @@ LAWS: list[tuple[str, Any]] = [
 
 
 @pytest.mark.parametrize(("name", "law"), LAWS, ids=[name for name, _ in LAWS])
-@settings(max_examples=25)
 @given(p=formulas(LIPSCHITZ, 3, 3), q=formulas(LIPSCHITZ, 3, 3), ends=intervals(4), seed=SEEDS)
 def test_law(name: str, law: Any, p: Formula, q: Formula, ends: tuple[int, int], seed: int) -> None:
     left, right = law(p, q, *ends)
@@ -66,7 +64,6 @@ def test_law(name: str, law: Any, p: Formula, q: Formula, ends: tuple[int, int],
     np.testing.assert_array_equal(satisfied(left, batch, NAMES), satisfied(right, batch, NAMES))
 
 
-@quick
 @given(formulas(LIPSCHITZ), SEEDS, st.floats(0, 2))
 def test_robustness_is_1_lipschitz(formula: Formula, seed: int, size: float) -> None:
     batch = traces(horizon(formula) + 1, seed, (20,))
@@ -77,7 +74,6 @@ def test_robustness_is_1_lipschitz(formula: Formula, seed: int, size: float) -> 
     assert np.all(np.abs(before[finite] - after[finite]) <= size + 1e-9)
 
 
-@quick
 @given(formulas(LIPSCHITZ), intervals(4), SEEDS)
 def test_monotone_in_the_interval(p: Formula, ends: tuple[int, int], seed: int) -> None:
     a, b = ends

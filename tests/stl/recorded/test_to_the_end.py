@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, SEEDS, formulas, naive, naive_satisfied, told, traces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -39,7 +39,6 @@ from stlbench.stl import (
     satisfied_trace,
 )
 
-quick = settings(max_examples=80)
 X = [[3.0], [1.0], [-2.0], [4.0], [0.5]]
 
 
@@ -103,7 +102,6 @@ def test_by_hand(text: str, expected: list[float]) -> None:
     assert robustness(formula, X, ["x"]) == expected[0]
 
 
-@quick
 @given(formulas(longest=3, leaves=5, endless=True), SEEDS, st.integers(0, 4))
 def test_equals_the_definition(formula: Formula, seed: int, more: int) -> None:
     trace = traces(1 - told(formula, 0) + more, seed)
@@ -118,7 +116,6 @@ def test_equals_the_definition(formula: Formula, seed: int, more: int) -> None:
     assert np.array_equal(holds_trace(formula, NAMES)(trace[None])[0], verdicts)
 
 
-@quick
 @given(formulas(longest=4, endless=True), SEEDS, st.integers(1, 8))
 def test_clip_equals_the_definition_on_short_traces(formula: Formula, seed: int, steps: int) -> None:
     trace = traces(steps, seed)
@@ -128,7 +125,6 @@ def test_clip_equals_the_definition_on_short_traces(formula: Formula, seed: int,
     assert satisfied_trace(formula, trace, NAMES, "clip").tolist() == verdicts
 
 
-@quick
 @given(formulas(longest=3, leaves=5, endless=True), SEEDS, st.integers(0, 6), st.integers(0, 4))
 def test_bounds_contain_every_long_continuation(formula: Formula, seed: int, cut: int, more: int) -> None:
     full = traces(cut + 1 - told(formula, 0) + more, seed, (20,))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.generated_formulas import SEEDS
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,7 +25,6 @@ def test_slide_is_the_definition_at_every_width(pick: np.ufunc, dtype: type) -> 
         np.testing.assert_array_equal(result, expected)
 
 
-@settings(max_examples=200)
 @given(st.integers(0, 12), st.integers(0, 20), st.integers(1, 9), st.booleans(), SEEDS)
 def test_until_is_the_definition(a: int, length: int, count: int, boolean: bool, seed: int) -> None:
     b = a + length

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, SEEDS, formulas, told, traces
-from hypothesis import assume, given, reject, settings
+from hypothesis import assume, given, reject
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,7 +25,6 @@ from stlbench.stl import (
     witness,
 )
 
-quick = settings(max_examples=150)
 X = [[3.0], [1.0], [-2.0], [4.0], [0.0]]
 ANY = formulas(endless=True)
 
@@ -104,7 +103,6 @@ def test_true_has_the_margin_inf() -> None:
     assert (str(found.predicate), found.margin, found.robustness) == ("True", np.inf, -np.inf)
 
 
-@quick
 @given(ANY, st.integers(1, 12), SEEDS)
 def test_the_margin_is_the_robustness_up_to_the_sign(formula: Formula, steps: int, seed: int) -> None:
     assume(told(formula, steps - 1) >= 0)
@@ -114,7 +112,6 @@ def test_the_margin_is_the_robustness_up_to_the_sign(formula: Formula, steps: in
     assert found.margin == robustness(found.predicate, trace[found.step :], NAMES)
 
 
-@quick
 @given(ANY, st.integers(1, 12), SEEDS)
 def test_the_predicate_has_the_verdict(formula: Formula, steps: int, seed: int) -> None:
     assume(told(formula, steps - 1) >= 0)
@@ -124,7 +121,6 @@ def test_the_predicate_has_the_verdict(formula: Formula, steps: int, seed: int) 
     assert satisfied(formula, trace, NAMES) == (there if found.sign > 0 else not there)
 
 
-@quick
 @given(formulas(endless=True, past=False), st.integers(1, 12), SEEDS)
 def test_every_part_of_the_path_has_the_same_value(formula: Formula, steps: int, seed: int) -> None:
     assume(told(formula, steps - 1) >= 0)

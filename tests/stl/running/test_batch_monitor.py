@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import (
@@ -39,7 +39,6 @@ WATCHED = st.one_of(
 )
 
 
-@settings(max_examples=200)
 @given(WATCHED, SEEDS, st.booleans())
 def test_equals_scalar_monitors(formula: Formula, seed: int, restarts: bool) -> None:
     count, rng = 4, np.random.default_rng(seed)

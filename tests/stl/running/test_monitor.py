@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import (
@@ -30,8 +30,6 @@ from stlbench.stl import (
     satisfied,
 )
 from stlbench.stl.running.tree import last_step
-
-quick = settings(max_examples=80)
 
 
 def test_a_run_by_hand() -> None:
@@ -62,7 +60,6 @@ WATCHED = st.one_of(
 )
 
 
-@settings(max_examples=250)
 @given(WATCHED, SEEDS)
 def test_equals_the_interval_policy_at_every_step(formula: Formula, seed: int) -> None:
     trace = traces(min(last_step(formula), 9) + 3, seed)
@@ -97,7 +94,6 @@ def test_without_intervals_at_most_a_window_is_kept() -> None:
     assert len(vars(monitor._state)["queue0"]) <= 5
 
 
-@quick
 @given(pointwise(), SEEDS)
 def test_formulas_without_temporal_operators_equal_margin_and_holds(psi: Formula, seed: int) -> None:
     for sample in traces(20, seed):

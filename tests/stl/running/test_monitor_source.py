@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, formulas, intervals, pointwise
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import (
@@ -33,7 +33,6 @@ from stlbench.stl.running.monitor import source
 from stlbench.stl.running.scalar import one
 from stlbench.stl.running.tree import Tree, last_step
 
-quick = settings(max_examples=100)
 #: ties, zeros of both signs, and what is next to them and to infinity
 VALUES = st.one_of(
     st.integers(-2, 6).map(lambda i: i / 2),
@@ -71,7 +70,6 @@ def check(formula: Formula, trace: list[tuple[float, ...]]) -> None:
         assert now.verdict is (True if known.certainly[0] else None if known.possibly[0] else False)
 
 
-@quick
 @given(JOINED, TRACES)
 def test_equals_the_batch_monitor_to_the_bit(formula: Formula, trace: list[tuple[float, ...]]) -> None:
     check(formula, trace)
@@ -85,7 +83,6 @@ def joined_spans(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("joined_spans")
 def test_so_it_does_where_spans_are_joined() -> None:
-    @quick
     @given(JOINED, TRACES)
     def run(formula: Formula, trace: list[tuple[float, ...]]) -> None:
         check(formula, trace)
@@ -121,7 +118,6 @@ def test_many_operators() -> None:
     check(formula, [tuple(row) for row in trace.tolist()])
 
 
-@quick
 @given(formulas(LIPSCHITZ, 3, 4, endless=True))
 def test_every_word_of_the_source_is_one_of_ours(formula: Formula) -> None:
     words = "def begin step m now sample if elif else not and or is while try except return True False None"

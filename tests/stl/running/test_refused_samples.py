@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, traces
-from hypothesis import given, settings
+from hypothesis import given
 
 from stlbench.stl import (
     And,
@@ -26,7 +26,6 @@ from stlbench.stl import (
 )
 from stlbench.stl.running.unfolding import Recent
 
-quick = settings(max_examples=60)
 HALF = parse("G[0,2] y >= 0 & G[0,2] sqrt(x) >= 0")
 ROOT = Predicate(">=", Call("sqrt", (Signal("root"),)), Signal("x"))
 
@@ -77,7 +76,6 @@ def shown(monitor: Monitor) -> dict[str, str]:
     return {name: repr(each.rows[:, : each.size] if isinstance(each, Recent) else each) for name, each in state}
 
 
-@quick
 @given(formulas(LIPSCHITZ, 3, 4, endless=True), SEEDS)
 def test_as_if_it_had_never_come(formula: Formula, seed: int) -> None:
     names, steps = [*NAMES, "root"], 7
