@@ -6,41 +6,11 @@ from fuzz.answers import answer, fuzz, sizes
 from fuzz.inputs import soup
 from hypothesis import strategies as st
 
-NAMES = [
-    "toy-raw",
-    "toy-line",
-    "toy-agent",
-    "toy-large",
-    "toy-wrong",
-    "toy-broken",
-    "funnel",
-    "hold-disc",
-    "./x",
-    "/",
-    "..",
-]
-VALUES = ["1", "-1", "1e999", "nan", "2.5", "x", "true", "9" * 400, "1_0", "0x1", "a+b", "", "²", "٣"]
-PIECES = [
-    *(*NAMES, *VALUES, "weight", "action", "without", "cuts", "weight=2", "action=1"),
-    *(
-        "[",
-        "]",
-        "[",
-        "]",
-        ",",
-        "=",
-        "[weight=1]",
-        "[action=0]",
-        "[weight=",
-        "]]",
-        " ",
-        "\n",
-        "\x00",
-        "\x1b",
-        "é",
-        "\udcff",
-    ),
-]
+NAMED = "toy-raw toy-line toy-agent toy-large toy-wrong toy-broken funnel hold-disc ./x / .."
+VALUED = "1 -1 1e999 nan 2.5 x true 1_0 0x1 a+b ² ٣"
+WORDS = "weight action without cuts weight=2 action=1 [ ] [ ] , = [weight=1] [action=0] [weight= ]] é"
+NAMES, VALUES = NAMED.split(), [*VALUED.split(), "9" * 400, ""]
+PIECES = [*NAMES, *VALUES, *WORDS.split(), " ", "\n", "\x00", "\x1b", "\udcff"]
 CHOICES = st.one_of(
     soup(PIECES, 8),
     st.builds("{}[{}={}]".format, st.sampled_from(NAMES), st.sampled_from(PIECES), st.sampled_from(VALUES)),

@@ -17,46 +17,15 @@ from stlbench.task.file import TaskFile
 from stlbench.task.reading import read_task_file
 
 BOMB = "&a [x, x]\n" + "".join(f"{name}: &{name} [{f'*{last}, ' * 9}]\n" for last, name in pairwise("abcdefghijklmno"))
+ODD_LINES = r"""
+null · [] · {} · x · '' · true · -1 · 0 · 1e400 · -.inf · .nan · 0x1F · 1:30:00 · 1_000 · 2001-99-99
+2001-12-14t21:59:43.10-05:00 · !!int x · !!float x · !!binary 'é' · !!set {a} · !!python/tuple [1] · !!timestamp x
+&a [*a] · *a · <<: *a · ? [a] · '\ud800' · "\ud800" · "\x1b[2J" · %YAML 9
+[0, 1] · {low: 0, high: 1} · {low: 1, high: 0, count: 999999999999} · {x: [1, 0]}
+"""
 ODD_VALUES = [
-    *(
-        "null",
-        "[]",
-        "{}",
-        "x",
-        "''",
-        "true",
-        "-1",
-        "0",
-        "1e400",
-        "-.inf",
-        ".nan",
-        "9" * 5000,
-        "0x1F",
-        "1:30:00",
-        "1_000",
-    ),
-    *(
-        "2001-99-99",
-        "2001-12-14t21:59:43.10-05:00",
-        "!!int x",
-        "!!float x",
-        "!!binary 'é'",
-        "!!set {a}",
-        "!!python/tuple [1]",
-    ),
-    *(
-        "!!timestamp x",
-        "&a [*a]",
-        "*a",
-        "<<: *a",
-        "? [a]",
-        "'\\ud800'",
-        '"\\ud800"',
-        '"\\x1b[2J"',
-        "|\n  text",
-        "%YAML 9",
-    ),
-    *("[0, 1]", "{low: 0, high: 1}", "{low: 1, high: 0, count: 999999999999}", "{x: [1, 0]}", "[" * 2000, "- " * 500),
+    *(each for line in ODD_LINES.split("\n") if line for each in line.split(" · ")),
+    *("9" * 5000, "|\n  text", "[" * 2000, "- " * 500),
 ]
 """What YAML reads in ways of its own."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -136,86 +137,57 @@ def told(formula: Formula, last: int) -> int:
             return min(told(right, last) - b, told(left, last) - b + 1)
 
 
-def naive(formula: Formula, trace: NDArray[np.float64], t: int) -> float:
-    """rho at t from the definition, windows clipped to the trace: an empty maximum is -inf, an empty minimum +inf."""
-    last = len(trace) - 1
+def naive(formula: Formula, trace: NDArray[np.float64], t: int, strict: bool = False) -> float:
+    """rho at t from the definition, windows clipped to the trace: an empty maximum is -inf, an empty minimum +inf.
+
+    Strict, an operator without an interval ends with the last step at which its operands can be told.
+    """
+    return _defined(formula, t, len(trace) - 1, strict, lambda psi, s: float(margin(psi, NAMES)(trace[s])))
+
+
+def naive_satisfied(formula: Formula, trace: NDArray[np.float64], t: int, strict: bool = False) -> bool:
+    """s_t |= formula from the definition (eq. 1), likewise: a truth is 1, its opposite -1."""
+    truth = _defined(formula, t, len(trace) - 1, strict, lambda psi, s: 1.0 if holds(psi, NAMES)(trace[s]) else -1.0)
+    return truth > 0
+
+
+def _defined(formula: Formula, t: int, last: int, strict: bool, value: Callable[[Predicate, int], float]) -> float:
+    def at(part: Formula, s: int) -> float:
+        return _defined(part, s, last, strict, value)
+
+    def ahead(a: int, b: int, *parts: Formula) -> range:
+        end = min(told(part, last) for part in parts) if strict and b == END else min(t + b, last)
+        return range(t + a, end + 1)
+
+    def until(steps: range, left: Formula, right: Formula, way: int) -> float:
+        """The best of right at these steps, as far as left holds at each step on the way there."""
+        reached = (min([at(right, s), *(at(left, r) for r in range(t, s, way))]) for s in steps)
+        return max(reached, default=-math.inf)
+
     match formula:
         case TrueFormula():
             return math.inf
         case Predicate():
-            return float(margin(formula, NAMES)(trace[t]))
+            return value(formula, t)
         case Not(arg):
-            return -naive(arg, trace, t)
+            return -at(arg, t)
         case And(args):
-            return min(naive(arg, trace, t) for arg in args)
+            return min(at(arg, t) for arg in args)
         case Or(args):
-            return max(naive(arg, trace, t) for arg in args)
+            return max(at(arg, t) for arg in args)
         case Implies(left, right):
-            return max(-naive(left, trace, t), naive(right, trace, t))
+            return max(-at(left, t), at(right, t))
         case Always(a, b, arg):
-            return min((naive(arg, trace, s) for s in range(t + a, min(t + b, last) + 1)), default=math.inf)
+            return min((at(arg, s) for s in ahead(a, b, arg)), default=math.inf)
         case Eventually(a, b, arg):
-            return max((naive(arg, trace, s) for s in range(t + a, min(t + b, last) + 1)), default=-math.inf)
+            return max((at(arg, s) for s in ahead(a, b, arg)), default=-math.inf)
         case Until(a, b, left, right):
-            return max(
-                (
-                    min([naive(right, trace, s), *(naive(left, trace, r) for r in range(t, s))])
-                    for s in range(t + a, min(t + b, last) + 1)
-                ),
-                default=-math.inf,
-            )
+            return until(ahead(a, b, left, right), left, right, 1)
         case Release(a, b, left, right):
-            return -naive(Until(a, b, Not(left), Not(right)), trace, t)
+            return -until(ahead(a, b, left, right), Not(left), Not(right), 1)
         case Historically(a, b, arg):
-            return min((naive(arg, trace, s) for s in range(max(t - b, 0), t - a + 1)), default=math.inf)
+            return min((at(arg, s) for s in range(max(t - b, 0), t - a + 1)), default=math.inf)
         case Once(a, b, arg):
-            return max((naive(arg, trace, s) for s in range(max(t - b, 0), t - a + 1)), default=-math.inf)
+            return max((at(arg, s) for s in range(max(t - b, 0), t - a + 1)), default=-math.inf)
         case Since(a, b, left, right):
-            return max(
-                (
-                    min([naive(right, trace, s), *(naive(left, trace, r) for r in range(s + 1, t + 1))])
-                    for s in range(max(t - b, 0), t - a + 1)
-                ),
-                default=-math.inf,
-            )
-
-
-def naive_satisfied(formula: Formula, trace: NDArray[np.float64], t: int) -> bool:
-    """s_t |= formula from the definition (eq. 1), windows clipped to the trace."""
-    last = len(trace) - 1
-    match formula:
-        case TrueFormula():
-            return True
-        case Predicate():
-            return bool(holds(formula, NAMES)(trace[t]))
-        case Not(arg):
-            return not naive_satisfied(arg, trace, t)
-        case And(args):
-            return all(naive_satisfied(arg, trace, t) for arg in args)
-        case Or(args):
-            return any(naive_satisfied(arg, trace, t) for arg in args)
-        case Implies(left, right):
-            return not naive_satisfied(left, trace, t) or naive_satisfied(right, trace, t)
-        case Always(a, b, arg):
-            return all(naive_satisfied(arg, trace, s) for s in range(t + a, min(t + b, last) + 1))
-        case Eventually(a, b, arg):
-            return any(naive_satisfied(arg, trace, s) for s in range(t + a, min(t + b, last) + 1))
-        case Until(a, b, left, right):
-            return any(
-                naive_satisfied(right, trace, s) and all(naive_satisfied(left, trace, r) for r in range(t, s))
-                for s in range(t + a, min(t + b, last) + 1)
-            )
-        case Release(a, b, left, right):
-            return all(
-                naive_satisfied(right, trace, s) or any(naive_satisfied(left, trace, r) for r in range(t, s))
-                for s in range(t + a, min(t + b, last) + 1)
-            )
-        case Historically(a, b, arg):
-            return all(naive_satisfied(arg, trace, s) for s in range(max(t - b, 0), t - a + 1))
-        case Once(a, b, arg):
-            return any(naive_satisfied(arg, trace, s) for s in range(max(t - b, 0), t - a + 1))
-        case Since(a, b, left, right):
-            return any(
-                naive_satisfied(right, trace, s) and all(naive_satisfied(left, trace, r) for r in range(s + 1, t + 1))
-                for s in range(max(t - b, 0), t - a + 1)
-            )
+            return until(range(max(t - b, 0), t - a + 1), left, right, -1)

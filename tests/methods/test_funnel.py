@@ -253,19 +253,6 @@ def test_a_term_that_cannot_be_satisfied_is_unsuitable() -> None:
         Funnel(specification("G[2,4] x >= 3", BOX))
 
 
-@pytest.mark.parametrize(
-    ("formula", "place"),
-    [
-        ("F[1,2] x >= 0 & (x >= 0 U[0,3] x >= 1)", "until at column 25"),
-        ("G[0,9] F[0,2] x >= 0", "F inside G at column 8"),
-        ("F[0,5] x >= 0 | G[0,5] x <= 0", "disjunction of temporal formulas at column 15"),
-    ],
-)
-def test_a_formula_outside_the_fragment_is_unsuitable(formula: str, place: str) -> None:
-    with pytest.raises(Unsuitable, match=f"{place} is not in the funnel fragment"):
-        Funnel(specification(formula, BOX))
-
-
 def test_a_predicate_that_always_holds_has_a_funnel_that_does_not_move() -> None:
     # abs(x) <= 5 over [-2, 2]: rho in [3, 5], gamma_0 = 2 < rho_max: the lower bound is above 0 from the start
     method = Funnel(specification("G[3,6] abs(x) <= 5", BOX), ginf=0.5)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
-from stlbench.contract import Array, Unsuitable
+from stlbench.contract import Array
 from stlbench_methods.machine import Machine
 
 BOX = {"x": (-1.0, 1.0), "y": (-1.0, 1.0)}
@@ -124,8 +124,3 @@ def test_without_replay_there_are_none() -> None:
     spec = specification(BOTH, {"x": (-1, 1)})
     assert Machine(spec).counterfactuals
     assert not Machine(spec, replay="none").counterfactuals
-
-
-def test_a_formula_outside_the_fragment_is_unsuitable() -> None:
-    with pytest.raises(Unsuitable, match="F inside G at column 8"):
-        Machine(specification("G[0,9] F[0,2] x >= 0", BOX))

@@ -9,7 +9,6 @@ import pytest
 from helpers.episodes import run, specification
 from helpers.stepwise import one_step
 
-from stlbench.contract import Unsuitable
 from stlbench.task import load_task
 from stlbench_methods.raw import Raw
 
@@ -45,8 +44,3 @@ def test_overlap_takes_the_minimum_and_a_gap_pays_nothing() -> None:
     assert literal[0, 1:].tolist() == [0.5, 0.5, 0.5, 1, 1, 0, 0]
     alone, _ = run(Raw(specification("F[2,5] y >= 2", box, steps=7), activity="literal"), trace)
     assert alone[0, 1:].tolist() == [0, 1, 1, 1, 1, 0, 0]
-
-
-def test_a_formula_outside_the_fragment_is_unsuitable() -> None:
-    with pytest.raises(Unsuitable, match="F inside G at column 8 is not in the funnel fragment"):
-        Raw(specification("G[0,9] F[0,2] x >= 0", {"x": (-1, 1)}))

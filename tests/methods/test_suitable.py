@@ -52,6 +52,22 @@ def test_elsewhere_the_reason_has_the_text_that_was_written(method: type[RewardM
     assert "release at column 8" in str(error.value) or "x >= 1 R[0,3] y >= -1" in str(error.value)
 
 
+@pytest.mark.parametrize("method", [Raw, Funnel, Hprs, Machine])
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("F[1,2] x >= 0 & (x >= 0 U[0,3] x >= 1)", "until at column 25"),
+        ("G[0,9] F[0,2] x >= 0", "F inside G at column 8"),
+        ("F[0,5] x >= 0 | G[0,5] x <= 0", "disjunction of temporal formulas at column 15"),
+    ],
+)
+def test_what_is_outside_the_fragment_is_named_with_its_place(
+    method: type[RewardMethod], text: str, place: str
+) -> None:
+    with pytest.raises(Unsuitable, match=f"{place} is not in the funnel fragment"):
+        method(specification(text, BOX, steps=9))
+
+
 @pytest.mark.parametrize("method", [*FRAGMENT, *ANY])
 @pytest.mark.parametrize(
     "text", ["F[0,3] True & G[0,3] x >= 0", "G[0,3] (1 >= 0) & F[0,2] y >= 1", "G[0,9] (True | x >= 0)"]

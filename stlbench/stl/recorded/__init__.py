@@ -89,9 +89,21 @@ def robustness_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) 
     return RobustnessBounds(lower, upper)
 
 
+def robustness_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
+    """The bounds at every t of the trace, (..., T+1)."""
+    lower, upper = _evaluate("margin", formula, trace, names, "interval", full=True)
+    return RobustnessBounds(lower, upper)
+
+
 def satisfaction_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
     """Whether all continuations of the trace satisfy `formula` at t = 0, and whether some may, bool (...,)."""
     lower, upper = _evaluate("signed", formula, trace, names, "interval", full=False)
+    return SatisfactionBounds(lower > 0.0, upper > 0.0)
+
+
+def satisfaction_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
+    """The same at every t of the trace, (..., T+1)."""
+    lower, upper = _evaluate("signed", formula, trace, names, "interval", full=True)
     return SatisfactionBounds(lower > 0.0, upper > 0.0)
 
 

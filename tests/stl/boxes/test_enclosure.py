@@ -41,29 +41,26 @@ def assert_contains(range_: Range, values: NDArray[np.float64]) -> None:
     assert np.all(np.isnan(range_[1]) | (values - slack <= range_[1]))
 
 
+def check_margins(psi: Formula, seed: int, points: int) -> None:
+    """The plain intervals and the mean-value form contain the margins at points inside."""
+    boxes, rng = random_boxes(seed), np.random.default_rng(seed)
+    with np.errstate(all="ignore"):
+        natural, centred = Enclosure(boxes, {}).range(psi), mean_value_range(psi, boxes, {})
+    for _ in range(points):
+        values = margin(psi, NAMES)(inside(boxes, rng))
+        assert_contains(natural, values)
+        assert_contains(centred, values)
+
+
 @pytest.mark.parametrize("text", OPERATIONS)
 def test_operation_contains_its_values(text: str) -> None:
-    psi = parse(f"{text} >= 0")
-    rng = np.random.default_rng(1)
-    for seed in range(20):
-        boxes = random_boxes(seed)
-        with np.errstate(all="ignore"):
-            natural, centred = Enclosure(boxes, {}).range(psi), mean_value_range(psi, boxes, {})
-        for _ in range(20):
-            values = margin(psi, NAMES)(inside(boxes, rng))
-            assert_contains(natural, values)
-            assert_contains(centred, values)
+    for seed in range(10):
+        check_margins(parse(f"{text} >= 0"), seed, 10)
 
 
 @given(pointwise(), SEEDS)
 def test_formula_contains_its_margins(psi: Formula, seed: int) -> None:
-    boxes, rng = random_boxes(seed), np.random.default_rng(seed)
-    with np.errstate(all="ignore"):
-        natural, centred = Enclosure(boxes, {}).range(psi), mean_value_range(psi, boxes, {})
-        for _ in range(10):
-            values = margin(psi, NAMES)(inside(boxes, rng))
-            assert_contains(natural, values)
-            assert_contains(centred, values)
+    check_margins(psi, seed, 10)
 
 
 @given(EXPRESSIONS, SEEDS)

@@ -7,30 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from stlbench.stl import (
-    Always,
-    And,
-    Eventually,
-    Implies,
-    Not,
-    Number,
-    Or,
-    Predicate,
-    Signal,
-    StlSyntaxError,
-    TrueFormula,
-    Until,
-    parse,
-)
+from stlbench import stl
 
-P, Q, R = (Predicate(">=", Signal(name), Number(0)) for name in "pqr")
+P, Q, R = (stl.Predicate(">=", stl.Signal(name), stl.Number(0)) for name in "pqr")
 
 
 def test_spellings() -> None:
-    short = parse("G[0,1] !p >= 0 & (F[1,2] q >= 0 | p >= 0 U[0,3] r >= 0) -> True")
-    long = parse("always[0,1] not p >= 0 and (eventually [1,2] q >= 0 || p >= 0 until[0,3] r >= 0)\n  implies true")
+    short = stl.parse("G[0,1] !p >= 0 & (F[1,2] q >= 0 | p >= 0 U[0,3] r >= 0) -> True")
+    long = stl.parse("always[0,1] not p >= 0 and (eventually [1,2] q >= 0 || p >= 0 until[0,3] r >= 0)\n  implies true")
     assert short == long
-    assert short == Implies(And((Always(0, 1, Not(P)), Or((Eventually(1, 2, Q), Until(0, 3, P, R))))), TrueFormula())
+    assert short == stl.Implies(
+        stl.And((stl.Always(0, 1, stl.Not(P)), stl.Or((stl.Eventually(1, 2, Q), stl.Until(0, 3, P, R))))),
+        stl.TrueFormula(),
+    )
 
 
 @pytest.mark.parametrize(
@@ -53,29 +42,29 @@ def test_spellings() -> None:
     ],
 )
 def test_precedence(text: str, grouped: str) -> None:
-    assert parse(text) == parse(grouped)
+    assert stl.parse(text) == stl.parse(grouped)
 
 
 def test_letters_are_operators_only_before_a_bracket() -> None:
-    assert parse("G[0,1] F >= U") == Always(0, 1, Predicate(">=", Signal("F"), Signal("U")))
+    assert stl.parse("G[0,1] F >= U") == stl.Always(0, 1, stl.Predicate(">=", stl.Signal("F"), stl.Signal("U")))
 
 
 def test_constants() -> None:
-    assert parse("x >= pi") == Predicate(">=", Signal("x"), Number(math.pi))
-    assert parse("x >= .5e1") == Predicate(">=", Signal("x"), Number(5))
-    assert parse("False") == Not(TrueFormula())
+    assert stl.parse("x >= pi") == stl.Predicate(">=", stl.Signal("x"), stl.Number(math.pi))
+    assert stl.parse("x >= .5e1") == stl.Predicate(">=", stl.Signal("x"), stl.Number(5))
+    assert stl.parse("False") == stl.Not(stl.TrueFormula())
 
 
 def test_seconds_become_steps() -> None:
-    assert parse("F[0.3,2] x >= 1", dt=0.1) == parse("F[3,20] x >= 1")
-    assert parse("F[0.3,2] x >= 1", dt=np.float64(0.1)) == parse("F[3,20] x >= 1")
-    assert parse("G[4, 7] x >= 1", dt=0.01) == parse("G[400,700] x >= 1")
+    assert stl.parse("F[0.3,2] x >= 1", dt=0.1) == stl.parse("F[3,20] x >= 1")
+    assert stl.parse("F[0.3,2] x >= 1", dt=np.float64(0.1)) == stl.parse("F[3,20] x >= 1")
+    assert stl.parse("G[4, 7] x >= 1", dt=0.01) == stl.parse("G[400,700] x >= 1")
     with pytest.raises(
-        StlSyntaxError, match=r"whole number of steps of dt=0.1 seconds but found 1.25 seconds = 12.5 steps"
+        stl.StlSyntaxError, match=r"whole number of steps of dt=0.1 seconds but found 1.25 seconds = 12.5 steps"
     ):
-        parse("G[0.5,1.25] x >= 1", dt=0.1)
+        stl.parse("G[0.5,1.25] x >= 1", dt=0.1)
     with pytest.raises(ValueError, match="dt"):
-        parse("G[0,1] x >= 1", dt=0.0)
+        stl.parse("G[0,1] x >= 1", dt=0.0)
 
 
 @pytest.mark.parametrize(
@@ -92,23 +81,23 @@ def test_seconds_become_steps() -> None:
     ],
 )
 def test_interval_ends_are_never_rounded(text: str, dt: float | None, found: str) -> None:
-    with pytest.raises(StlSyntaxError, match="expected a whole number of steps") as caught:
-        parse(text, dt=dt)
+    with pytest.raises(stl.StlSyntaxError, match="expected a whole number of steps") as caught:
+        stl.parse(text, dt=dt)
     assert f"but found {found}" in str(caught.value)
 
 
 def test_intervals_of_hardly_any_length() -> None:
     for text in ("G[0,1e-300] x >= 1", "G[0,1e-99999] x >= 1", "G[0,1e-99999999999999999999] x >= 1"):
-        with pytest.raises(StlSyntaxError, match=r"a whole number of steps|at least 1e-300"):
-            parse(text)
-    assert parse("G[0e-99,0.0] x >= 1") == parse("G[0,0] x >= 1")
+        with pytest.raises(stl.StlSyntaxError, match=r"a whole number of steps|at least 1e-300"):
+            stl.parse(text)
+    assert stl.parse("G[0e-99,0.0] x >= 1") == stl.parse("G[0,0] x >= 1")
 
 
 def test_intervals_of_many_steps() -> None:
-    assert parse("G[0,1000000.4] x >= 1", dt=0.1) == parse("G[0,10000004] x >= 1")
-    assert parse("G[0,1e6] x >= 1", dt=1 / 30) == parse("G[0,30000000] x >= 1")
-    with pytest.raises(StlSyntaxError, match="an interval end of at most 9007199254740992 steps"):
-        parse("G[0,1e16] x >= 1")
+    assert stl.parse("G[0,1000000.4] x >= 1", dt=0.1) == stl.parse("G[0,10000004] x >= 1")
+    assert stl.parse("G[0,1e6] x >= 1", dt=1 / 30) == stl.parse("G[0,30000000] x >= 1")
+    with pytest.raises(stl.StlSyntaxError, match="an interval end of at most 9007199254740992 steps"):
+        stl.parse("G[0,1e16] x >= 1")
 
 
 @pytest.mark.parametrize(
@@ -145,8 +134,8 @@ def test_intervals_of_many_steps() -> None:
     ],
 )
 def test_errors_point_at_the_place(text: str, line: int, column: int, expected: str, found: str) -> None:
-    with pytest.raises(StlSyntaxError) as caught:
-        parse(text)
+    with pytest.raises(stl.StlSyntaxError) as caught:
+        stl.parse(text)
     error = caught.value
     assert (error.line, error.column) == (line, column)
     assert expected in error.expected

@@ -110,12 +110,6 @@ def test_gilpins_two_are_never_above_the_true_ones(values: np.ndarray, sharpness
         assert value <= 0 or exact > 0
 
 
-@given(values=values, sharpness=st.sampled_from([1.0, 10.0, 300.0]))
-def test_log_sum_exp_is_within_its_bound(values: np.ndarray, sharpness: float) -> None:
-    value = stl.semantics("lse", sharpness).least(values)
-    assert values.min() - math.log(len(values)) / sharpness - 1e-9 <= value <= values.min() + 1e-9
-
-
 @pytest.mark.parametrize("name", ["classic", "agm", "weighted"])
 @given(value=st.integers(-16, 16).map(lambda n: n / 16), count=st.integers(1, 40))
 def test_equal_values_give_themselves(name: str, value: float, count: int) -> None:
@@ -139,11 +133,3 @@ def test_each_value_counts(name: str, given_: list[float]) -> None:
         change = FOLDS[name](values + step * np.eye(3)[i]) - FOLDS[name](values - step * np.eye(3)[i])
         assert change / (2 * step) > 1e-3
     assert stl.semantics("classic").least(values + step * np.eye(3)[1]) == values.min()
-
-
-@each
-@given(values=values)
-def test_a_batch_is_its_rows(name: str, values: np.ndarray) -> None:
-    fold: Fold = FOLDS[name]
-    batch = np.stack([values, values[::-1], -values])
-    assert fold(batch) == pytest.approx(np.array([fold(row) for row in batch]), abs=1e-12)

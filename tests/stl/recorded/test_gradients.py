@@ -78,16 +78,6 @@ def test_the_derivative_by_every_leaf_at_every_step(name: Any, formula: stl.Form
     assert changes / (2 * step) == pytest.approx(expected.numpy().ravel(), abs=1e-5)
 
 
-@NAMED
-def test_several_traces_at_once_have_the_derivatives_of_each(name: Any) -> None:
-    quantity = stl.Quantity(stl.parse("F[0,2] G[0,1] x >= 0"), ["x"], stl.semantics(name))
-    at, step = np.random.default_rng(0).uniform(0.2, 1, (5, 4, 1)), 1e-6
-    move = step * np.eye(4)[1][:, None]
-    together = quantity.values(at + move) - quantity.values(at - move)
-    alone = np.stack([(quantity.values((row + move)[None]) - quantity.values((row - move)[None]))[0] for row in at])
-    assert together == pytest.approx(alone, abs=1e-15)
-
-
 @pytest.mark.parametrize("name", ["lse", "gmsr"])
 def test_where_a_value_is_0_the_slopes_of_both_sides_meet(name: Any) -> None:
     """Of two values, .5 and one that crosses 0. gmsr bends within 1e-8, its eps, so the step is much less."""
@@ -104,12 +94,3 @@ def test_agm_jumps_where_a_value_becomes_positive() -> None:
     fold = stl.semantics("agm").least
     assert fold(np.array([1e-12, 0.5])) == pytest.approx(np.sqrt(1.5) - 1)
     assert fold(np.array([0.0, 0.5])) == 0
-
-
-def test_the_slopes_of_log_sum_exp_are_shares() -> None:
-    """exp(-b x_i) over their sum: they add up to 1, and the least value has the largest."""
-    x = np.array([0.1, 0.2, 0.5])
-    shares = np.exp(-SHARPNESS * x) / np.exp(-SHARPNESS * x).sum()
-    fold, step = stl.semantics("lse", SHARPNESS).least, 1e-6
-    slopes = (fold(x + step * np.eye(3)) - fold(x - step * np.eye(3))) / (2 * step)
-    assert slopes == pytest.approx(shares, abs=1e-8)

@@ -2,83 +2,72 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, traces
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.stl import (
-    Always,
-    And,
-    Eventually,
-    Formula,
-    Implies,
-    Not,
-    Or,
-    TrueFormula,
-    Until,
-    horizon,
-    robustness,
-    satisfied,
-)
+from stlbench import stl
 
-LAWS: list[tuple[str, Any]] = [
-    ("double negation", lambda p, q, a, b: (Not(Not(p)), p)),
-    ("F is not G not", lambda p, q, a, b: (Eventually(a, b, p), Not(Always(a, b, Not(p))))),
-    ("G is not F not", lambda p, q, a, b: (Always(a, b, p), Not(Eventually(a, b, Not(p))))),
-    ("De Morgan and", lambda p, q, a, b: (Not(And((p, q))), Or((Not(p), Not(q))))),
-    ("De Morgan or", lambda p, q, a, b: (Not(Or((p, q))), And((Not(p), Not(q))))),
-    ("implication", lambda p, q, a, b: (Implies(p, q), Or((Not(p), q)))),
-    ("G distributes over and", lambda p, q, a, b: (Always(a, b, And((p, q))), And((Always(a, b, p), Always(a, b, q))))),
-    ("F distributes over or", lambda p, q, a, b: (
-        Eventually(a, b, Or((p, q))),
-        Or((Eventually(a, b, p), Eventually(a, b, q))),
-    )),
-    ("F from until", lambda p, q, a, b: (Eventually(a, b, p), Until(a, b, TrueFormula(), p))),
-    ("G G adds intervals", lambda p, q, a, b: (Always(a, b, Always(1, 3, p)), Always(a + 1, b + 3, p))),
-    ("prompt until", lambda p, q, a, b: (Until(0, b, p, q), Or((q, And((p, Until(0, b, p, q))))))),
-    ("until splits at a", lambda p, q, a, b: (
-        Until(a + 1, b + 1, p, q),
-        And((Always(0, a, p), Eventually(a + 1, a + 1, Until(0, b - a, p, q)))),
-    )),
-    ("timed until, Donze et al. 2013", lambda p, q, a, b: (
-        Until(a + 1, b + 1, p, q),
-        And((
-            Eventually(a + 1, b + 1, q),
-            Always(0, a, p),
-            Eventually(a + 1, a + 1, Until(0, 40, p, q)),
-        )),
-    )),
-]  # fmt: skip
+FEW = formulas(LIPSCHITZ, 3, 3)
+#: two formulas of the parts p, q, r and the interval a..b that say the same; a1 is a + 1, and so on
+LAWS = [
+    ("!!{p}", "{p}"),
+    ("F[{a},{b}] {p}", "!G[{a},{b}] !{p}"),
+    ("G[{a},{b}] {p}", "!F[{a},{b}] !{p}"),
+    ("!({p} & {q})", "!{p} | !{q}"),
+    ("!({p} | {q})", "!{p} & !{q}"),
+    ("{p} -> {q}", "!{p} | {q}"),
+    ("G[{a},{b}] ({p} & {q})", "G[{a},{b}] {p} & G[{a},{b}] {q}"),
+    ("F[{a},{b}] ({p} | {q})", "F[{a},{b}] {p} | F[{a},{b}] {q}"),
+    ("F[{a},{b}] {p}", "True U[{a},{b}] {p}"),
+    ("G[{a},{b}] G[1,3] {p}", "G[{a1},{b3}] {p}"),
+    ("{p} U[0,{b}] {q}", "{q} | {p} & {p} U[0,{b}] {q}"),
+    ("{p} U[{a1},{b1}] {q}", "G[0,{a}] {p} & F[{a1},{a1}] ({p} U[0,{width}] {q})"),
+    # Donze et al. 2013
+    ("{p} U[{a1},{b1}] {q}", "F[{a1},{b1}] {q} & G[0,{a}] {p} & F[{a1},{a1}] ({p} U[0,40] {q})"),
+    ("{p} <-> {q}", "{q} <-> {p}"),
+    ("{p} <-> {q}", "{p} & {q} | !{p} & !{q}"),
+    ("{p} xor {q}", "{q} xor {p}"),
+    ("({p} xor {q}) xor {r}", "{p} xor ({q} xor {r})"),
+    ("{p} xor {q}", "!({p} <-> {q})"),
+    ("{p} xor True", "!{p}"),
+    ("!({p} R[{a},{b}] {q})", "!{p} U[{a},{b}] !{q}"),
+    ("False R[{a},{b}] {q}", "G[{a},{b}] {q}"),
+    ("{p} W[0,{b}] {q}", "{q} R[0,{b}] ({p} | {q})"),
+    ("{p} U[0,{b}] {q}", "({p} W[0,{b}] {q}) & F[0,{b}] {q}"),
+    ("{p} R[0,{b}] {q}", "{q} W[0,{b}] ({p} & {q})"),
+]
 
 
-@pytest.mark.parametrize(("name", "law"), LAWS, ids=[name for name, _ in LAWS])
-@given(p=formulas(LIPSCHITZ, 3, 3), q=formulas(LIPSCHITZ, 3, 3), ends=intervals(4), seed=SEEDS)
-def test_law(name: str, law: Any, p: Formula, q: Formula, ends: tuple[int, int], seed: int) -> None:
-    left, right = law(p, q, *ends)
-    batch = traces(1 + max(horizon(left), horizon(right)), seed, (10,))
-    np.testing.assert_array_equal(robustness(left, batch, NAMES), robustness(right, batch, NAMES))
-    np.testing.assert_array_equal(satisfied(left, batch, NAMES), satisfied(right, batch, NAMES))
+@pytest.mark.parametrize("law", LAWS, ids=" is ".join)
+@given(parts=st.tuples(FEW, FEW, FEW), ends=intervals(4), seed=SEEDS)
+def test_law(law: tuple[str, str], parts: tuple[stl.Formula, ...], ends: tuple[int, int], seed: int) -> None:
+    a, b = ends
+    named = {name: f"({part})" for name, part in zip("pqr", parts, strict=True)}
+    numbers = {"a": a, "b": b, "a1": a + 1, "b1": b + 1, "b3": b + 3, "width": b - a}
+    left, right = (stl.parse(text.format(**named, **numbers)) for text in law)
+    batch = traces(1 + max(stl.horizon(left), stl.horizon(right)), seed, (10,))
+    np.testing.assert_array_equal(stl.robustness(left, batch, NAMES), stl.robustness(right, batch, NAMES))
+    np.testing.assert_array_equal(stl.satisfied(left, batch, NAMES), stl.satisfied(right, batch, NAMES))
 
 
 @given(formulas(LIPSCHITZ), SEEDS, st.floats(0, 2))
-def test_robustness_is_1_lipschitz(formula: Formula, seed: int, size: float) -> None:
-    batch = traces(horizon(formula) + 1, seed, (20,))
+def test_robustness_is_1_lipschitz(formula: stl.Formula, seed: int, size: float) -> None:
+    batch = traces(stl.horizon(formula) + 1, seed, (20,))
     noise = np.random.default_rng(seed).uniform(-size, size, batch.shape)
-    before, after = robustness(formula, batch, NAMES), robustness(formula, batch + noise, NAMES)
+    before, after = stl.robustness(formula, batch, NAMES), stl.robustness(formula, batch + noise, NAMES)
     finite = np.isfinite(before)
     assert np.array_equal(before[~finite], after[~finite])
     assert np.all(np.abs(before[finite] - after[finite]) <= size + 1e-9)
 
 
 @given(formulas(LIPSCHITZ), intervals(4), SEEDS)
-def test_monotone_in_the_interval(p: Formula, ends: tuple[int, int], seed: int) -> None:
+def test_monotone_in_the_interval(p: stl.Formula, ends: tuple[int, int], seed: int) -> None:
     a, b = ends
-    batch = traces(horizon(p) + b + 2, seed, (10,))
-    wider = Always(a, b + 1, p), Eventually(a, b + 1, p)
-    narrow = Always(a, b, p), Eventually(a, b, p)
-    assert np.all(robustness(wider[0], batch, NAMES) <= robustness(narrow[0], batch, NAMES))
-    assert np.all(robustness(wider[1], batch, NAMES) >= robustness(narrow[1], batch, NAMES))
+    batch = traces(stl.horizon(p) + b + 2, seed, (10,))
+    wider = stl.Always(a, b + 1, p), stl.Eventually(a, b + 1, p)
+    narrow = stl.Always(a, b, p), stl.Eventually(a, b, p)
+    assert np.all(stl.robustness(wider[0], batch, NAMES) <= stl.robustness(narrow[0], batch, NAMES))
+    assert np.all(stl.robustness(wider[1], batch, NAMES) >= stl.robustness(narrow[1], batch, NAMES))

@@ -23,30 +23,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stlbench.stl import (
-    END,
-    Always,
-    And,
-    Binary,
-    Call,
-    Eventually,
-    Expression,
-    Formula,
-    Historically,
-    Implies,
-    Not,
-    Number,
-    Once,
-    Or,
-    Predicate,
-    Signal,
-    Since,
-    Until,
-    horizon,
-    robustness,
-    robustness_trace,
-    satisfied_trace,
-)
+from stlbench import stl
 from stlbench.stl.language.structure import unbounded
 
 if sys.version_info >= (3, 13):
@@ -57,83 +34,83 @@ NAMES = ("x", "y", "z")
 COMPARED = 2400
 
 
-def random_expression(rng: np.random.Generator) -> Expression:
-    signal: Expression = Signal(str(rng.choice(NAMES)))
-    other = Signal(str(rng.choice(NAMES)))
-    number = Number(float(rng.integers(0, 12)) / 4)
+def random_expression(rng: np.random.Generator) -> stl.Expression:
+    signal: stl.Expression = stl.Signal(str(rng.choice(NAMES)))
+    other = stl.Signal(str(rng.choice(NAMES)))
+    number = stl.Number(float(rng.integers(0, 12)) / 4)
     return [
         signal,
-        Call("abs", (signal,)),
-        Binary("-", signal, other),
-        Binary("*", number, signal),
-        Call("sqrt", (Call("abs", (Binary("+", signal, number),)),)),
+        stl.Call("abs", (signal,)),
+        stl.Binary("-", signal, other),
+        stl.Binary("*", number, signal),
+        stl.Call("sqrt", (stl.Call("abs", (stl.Binary("+", signal, number),)),)),
     ][rng.integers(5)]
 
 
-def random_formula(rng: np.random.Generator, depth: int) -> Formula:
+def random_formula(rng: np.random.Generator, depth: int) -> stl.Formula:
     if depth == 0 or rng.random() < 0.15:
         op = str(rng.choice(["<=", ">=", "<", ">"]))
-        return Predicate(op, random_expression(rng), Number(float(rng.integers(0, 12)) / 4))
+        return stl.Predicate(op, random_expression(rng), stl.Number(float(rng.integers(0, 12)) / 4))
 
-    def inner() -> Formula:
+    def inner() -> stl.Formula:
         return random_formula(rng, depth - 1)
 
-    a, b = sorted(rng.integers(0, 7, 2).tolist()) if rng.random() < 0.8 else (0, END)
-    choices: list[Callable[[], Formula]] = [
-        lambda: Not(inner()),
-        lambda: And((inner(), inner())),
-        lambda: Or((inner(), inner(), inner())),
-        lambda: Implies(inner(), inner()),
-        lambda: Always(a, b, inner()),
-        lambda: Eventually(a, b, inner()),
-        lambda: Until(a, b, inner(), inner()),
-        lambda: Until(a, b, inner(), inner()),
-        lambda: Historically(a, b, inner()),
-        lambda: Once(a, b, inner()),
-        lambda: Since(a, b, inner(), inner()),
+    a, b = sorted(rng.integers(0, 7, 2).tolist()) if rng.random() < 0.8 else (0, stl.END)
+    choices: list[Callable[[], stl.Formula]] = [
+        lambda: stl.Not(inner()),
+        lambda: stl.And((inner(), inner())),
+        lambda: stl.Or((inner(), inner(), inner())),
+        lambda: stl.Implies(inner(), inner()),
+        lambda: stl.Always(a, b, inner()),
+        lambda: stl.Eventually(a, b, inner()),
+        lambda: stl.Until(a, b, inner(), inner()),
+        lambda: stl.Until(a, b, inner(), inner()),
+        lambda: stl.Historically(a, b, inner()),
+        lambda: stl.Once(a, b, inner()),
+        lambda: stl.Since(a, b, inner(), inner()),
     ]
     return choices[rng.integers(len(choices))]()
 
 
-def rtamt_text(node: Formula | Expression) -> str:
+def rtamt_text(node: stl.Formula | stl.Expression) -> str:
     match node:
-        case Number(value):
+        case stl.Number(value):
             return repr(value)
-        case Signal(name):
+        case stl.Signal(name):
             return name
-        case Call(name, args):
+        case stl.Call(name, args):
             return f"{name}({', '.join(map(rtamt_text, args))})"
-        case Binary(op, left, right) | Predicate(op, left, right):
+        case stl.Binary(op, left, right) | stl.Predicate(op, left, right):
             return f"({rtamt_text(left)} {op} {rtamt_text(right)})"
-        case Not(arg):
+        case stl.Not(arg):
             return f"(not ({rtamt_text(arg)}))"
-        case And(args):
+        case stl.And(args):
             return f"({' and '.join(map(rtamt_text, args))})"
-        case Or(args):
+        case stl.Or(args):
             return f"({' or '.join(map(rtamt_text, args))})"
-        case Implies(left, right):
+        case stl.Implies(left, right):
             return f"({rtamt_text(left)} implies {rtamt_text(right)})"
-        case Always(a, b, arg):
+        case stl.Always(a, b, arg):
             return f"(always{interval(a, b)} {rtamt_text(arg)})"
-        case Eventually(a, b, arg):
+        case stl.Eventually(a, b, arg):
             return f"(eventually{interval(a, b)} {rtamt_text(arg)})"
-        case Historically(a, b, arg):
+        case stl.Historically(a, b, arg):
             return f"(historically{interval(a, b)} {rtamt_text(arg)})"
-        case Once(a, b, arg):
+        case stl.Once(a, b, arg):
             return f"(once{interval(a, b)} {rtamt_text(arg)})"
-        case Since(a, b, left, right):
+        case stl.Since(a, b, left, right):
             return f"({rtamt_text(left)} since{interval(a, b)} {rtamt_text(right)})"
-        case Until(a, b, left, right):
+        case stl.Until(a, b, left, right):
             return f"({rtamt_text(left)} until{interval(a, b)} {rtamt_text(right)})"
         case _:
             raise AssertionError(node)
 
 
 def interval(a: int, b: int) -> str:
-    return "" if b == END else f"[{a},{b}]"
+    return "" if b == stl.END else f"[{a},{b}]"
 
 
-def rtamt_robustness(formula: Formula, trace: NDArray[np.float64]) -> NDArray[np.float64]:
+def rtamt_robustness(formula: stl.Formula, trace: NDArray[np.float64]) -> NDArray[np.float64]:
     spec: Any = rtamt.StlDiscreteTimeOfflineSpecification()
     for name in NAMES:
         spec.declare_var(name, "float")
@@ -148,23 +125,23 @@ def rtamt_robustness(formula: Formula, trace: NDArray[np.float64]) -> NDArray[np
 def test_equals_rtamt(record_property: Any) -> None:
     logging.getLogger().setLevel(logging.ERROR)
     rng = np.random.default_rng(20240607)
-    operators = {kind: 0 for kind in (Always, Eventually, Until, Historically, Once, Since)}
+    operators = {kind: 0 for kind in (stl.Always, stl.Eventually, stl.Until, stl.Historically, stl.Once, stl.Since)}
     compared = shorter = endless = 0
     while compared < COMPARED:
         formula = random_formula(rng, depth=int(rng.integers(1, 4)))
         trace = rng.integers(-12, 13, (int(rng.integers(2, 30)), 3)) / 4.0
         expected = rtamt_robustness(formula, trace)
         message = f"{formula} on {trace.tolist()}"
-        clipped = robustness_trace(formula, trace, NAMES, "clip")
+        clipped = stl.robustness_trace(formula, trace, NAMES, "clip")
         np.testing.assert_allclose(clipped, expected, rtol=1e-12, atol=1e-12, err_msg=message)
-        verdict = satisfied_trace(formula, trace, NAMES, "clip")
+        verdict = stl.satisfied_trace(formula, trace, NAMES, "clip")
         np.testing.assert_array_equal(verdict[expected != 0], expected[expected != 0] > 0, err_msg=message)
         if unbounded(formula) is not None:
             endless += 1
-        elif len(trace) > horizon(formula):
-            strict = robustness_trace(formula, trace, NAMES)
+        elif len(trace) > stl.horizon(formula):
+            strict = stl.robustness_trace(formula, trace, NAMES)
             np.testing.assert_allclose(strict, expected[: len(strict)], rtol=1e-12, atol=1e-12, err_msg=message)
-            np.testing.assert_allclose(robustness(formula, trace, NAMES), expected[0], rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(stl.robustness(formula, trace, NAMES), expected[0], rtol=1e-12, atol=1e-12)
         else:
             shorter += 1
         compared += 1

@@ -13,22 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stlbench.stl import (
-    BatchMonitor,
-    Formula,
-    Monitor,
-    UndefinedError,
-    holds_trace,
-    horizon,
-    margin_trace,
-    parse,
-    robustness,
-    robustness_bounds,
-    robustness_trace,
-    satisfaction_bounds,
-    satisfied,
-    satisfied_trace,
-)
+from stlbench import stl
 
 Floats = NDArray[np.float64]
 
@@ -39,24 +24,28 @@ def watched(monitor: Any, samples: Iterable[Any]) -> None:
 
 
 #: evaluators that answer for t = 0 alone, and those that answer for every t
-FIRST: dict[str, Callable[[Formula, Floats, list[str]], Any]] = {
-    "robustness": robustness,
-    "clip": lambda formula, trace, names: robustness(formula, trace, names, "clip"),
-    "satisfied": satisfied,
-    "robustness_bounds": robustness_bounds,
-    "satisfaction_bounds": satisfaction_bounds,
-    "monitor": lambda formula, trace, names: watched(Monitor(formula, names), trace.tolist()),
-    "batch": lambda formula, trace, names: watched(BatchMonitor(formula, names, 1), trace[:, None]),
-    "compiled robustness": lambda formula, trace, names: margin_trace(formula, names)(
-        trace[None, : 1 + horizon(formula)]
+FIRST: dict[str, Callable[[stl.Formula, Floats, list[str]], Any]] = {
+    "robustness": stl.robustness,
+    "clip": lambda formula, trace, names: stl.robustness(formula, trace, names, "clip"),
+    "satisfied": stl.satisfied,
+    "robustness_bounds": stl.robustness_bounds,
+    "satisfaction_bounds": stl.satisfaction_bounds,
+    "monitor": lambda formula, trace, names: watched(stl.Monitor(formula, names), trace.tolist()),
+    "batch": lambda formula, trace, names: watched(stl.BatchMonitor(formula, names, 1), trace[:, None]),
+    "compiled robustness": lambda formula, trace, names: stl.margin_trace(formula, names)(
+        trace[None, : 1 + stl.horizon(formula)]
     ),
-    "compiled verdict": lambda formula, trace, names: holds_trace(formula, names)(trace[None, : 1 + horizon(formula)]),
+    "compiled verdict": lambda formula, trace, names: stl.holds_trace(formula, names)(
+        trace[None, : 1 + stl.horizon(formula)]
+    ),
 }
-ALL: dict[str, Callable[[Formula, Floats, list[str]], Any]] = {
-    "robustness": robustness_trace,
-    "satisfied": satisfied_trace,
-    "compiled robustness": lambda formula, trace, names: margin_trace(formula, names)(trace[None]),
-    "compiled verdict": lambda formula, trace, names: holds_trace(formula, names)(trace[None]),
+ALL: dict[str, Callable[[stl.Formula, Floats, list[str]], Any]] = {
+    "robustness": stl.robustness_trace,
+    "satisfied": stl.satisfied_trace,
+    "robustness_bounds": stl.robustness_bounds_trace,
+    "satisfaction_bounds": stl.satisfaction_bounds_trace,
+    "compiled robustness": lambda formula, trace, names: stl.margin_trace(formula, names)(trace[None]),
+    "compiled verdict": lambda formula, trace, names: stl.holds_trace(formula, names)(trace[None]),
 }
 
 
@@ -87,45 +76,47 @@ def trace_with(column: int, step: int, value: float = math.nan) -> Floats:
     ],
 )
 def test_a_nan_counts_where_it_is_read(evaluator: Any, text: str, steps: set[int]) -> None:
-    formula = parse(text)
+    formula = stl.parse(text)
     for step in range(6):
         if step not in steps:
             evaluator(formula, trace_with(0, step), ["x", "y"])
             continue
-        with pytest.raises(UndefinedError, match=f"^signal 'x' is NaN at sample {step}( of trace 0)?$"):
+        with pytest.raises(stl.UndefinedError, match=f"^signal 'x' is NaN at sample {step}( of trace 0)?$"):
             evaluator(formula, trace_with(0, step), ["x", "y"])
 
 
 @pytest.mark.parametrize("evaluator", FIRST.values(), ids=FIRST)
 def test_so_does_arithmetic_without_a_value(evaluator: Any) -> None:
     trace = trace_with(0, 2, -4.0)
-    evaluator(parse("G[3,5] sqrt(x) >= 0 & G[0,5] sqrt(y) >= 0"), trace, ["x", "y"])
-    with pytest.raises(UndefinedError, match=r"^sqrt\(x\) >= y has no value \(.*\) where x = -4, y = 1 at sample 2"):
-        evaluator(parse("G[0,5] y >= 0 & F[1,4] sqrt(x) >= y"), trace, ["x", "y"])
+    evaluator(stl.parse("G[3,5] sqrt(x) >= 0 & G[0,5] sqrt(y) >= 0"), trace, ["x", "y"])
+    with pytest.raises(
+        stl.UndefinedError, match=r"^sqrt\(x\) >= y has no value \(.*\) where x = -4, y = 1 at sample 2"
+    ):
+        evaluator(stl.parse("G[0,5] y >= 0 & F[1,4] sqrt(x) >= y"), trace, ["x", "y"])
 
 
 @pytest.mark.parametrize("evaluator", ALL.values(), ids=ALL)
 def test_every_step_is_read_for_a_full_trace(evaluator: Any) -> None:
     for step in range(6):
-        evaluator(parse("G[0,2] y >= 0"), trace_with(0, step), ["x", "y"])
-        with pytest.raises(UndefinedError, match=f"^signal 'x' is NaN at sample {step}( of trace 0)?$"):
-            evaluator(parse("G[0,2] x >= 0"), trace_with(0, step), ["x", "y"])
-    evaluator(parse("G[1,2] x >= 0"), trace_with(0, 0), ["x", "y"])
+        evaluator(stl.parse("G[0,2] y >= 0"), trace_with(0, step), ["x", "y"])
+        with pytest.raises(stl.UndefinedError, match=f"^signal 'x' is NaN at sample {step}( of trace 0)?$"):
+            evaluator(stl.parse("G[0,2] x >= 0"), trace_with(0, step), ["x", "y"])
+    evaluator(stl.parse("G[1,2] x >= 0"), trace_with(0, 0), ["x", "y"])
 
 
 def test_the_cause_is_not_a_nan_that_is_not_read() -> None:
     trace = np.array([[math.nan, 1.0], [-1.0, 1.0]])
     for evaluate in FIRST.values():
-        with pytest.raises(UndefinedError, match=r"has no value .* at sample 1"):
-            evaluate(parse("G[1,1] sqrt(x) >= 0"), trace, ["x", "y"])
+        with pytest.raises(stl.UndefinedError, match=r"has no value .* at sample 1"):
+            evaluate(stl.parse("G[1,1] sqrt(x) >= 0"), trace, ["x", "y"])
 
 
 def test_the_trace_of_a_batch_is_named() -> None:
     batch = np.ones((70, 1001, 1))  # more samples than are evaluated together
     batch[69, 7] = math.nan
-    for evaluate in (robustness, satisfied, robustness_trace, robustness_bounds):
-        with pytest.raises(UndefinedError) as caught:
-            evaluate(parse("G[0,9] x >= 0"), batch, ["x"])  # type: ignore[operator]
+    for evaluate in (stl.robustness, stl.satisfied, stl.robustness_trace, stl.robustness_bounds):
+        with pytest.raises(stl.UndefinedError) as caught:
+            evaluate(stl.parse("G[0,9] x >= 0"), batch, ["x"])  # type: ignore[operator]
         assert (caught.value.what, caught.value.sample, caught.value.trace) == ("signal 'x' is NaN", 7, 69)
 
 
@@ -133,18 +124,18 @@ def test_the_trace_of_a_batch_is_named() -> None:
 def test_windows_to_the_end_are_read_from_the_first_on(text: str) -> None:
     """Though the last of them alone decides."""
     for name in ("robustness_bounds", "monitor", "batch"):
-        with pytest.raises(UndefinedError, match=r"^signal 'x' is NaN at sample 2"):
-            FIRST[name](parse(text), trace_with(0, 2), ["x", "y"])
+        with pytest.raises(stl.UndefinedError, match=r"^signal 'x' is NaN at sample 2"):
+            FIRST[name](stl.parse(text), trace_with(0, 2), ["x", "y"])
 
 
 @given(formulas(LIPSCHITZ, 3, 4, endless=True), SEEDS, st.integers(0, 2), st.integers(0, 9))
-def test_all_evaluators_agree_about_what_is_read(formula: Formula, seed: int, column: int, step: int) -> None:
+def test_all_evaluators_agree_about_what_is_read(formula: stl.Formula, seed: int, column: int, step: int) -> None:
     trace = traces(10, seed)
     trace[step, column] = math.nan
     refused = []
-    for evaluate in (robustness_bounds, satisfaction_bounds, FIRST["monitor"], FIRST["batch"]):
+    for evaluate in (stl.robustness_bounds, stl.satisfaction_bounds, FIRST["monitor"], FIRST["batch"]):
         try:
             evaluate(formula, trace, list(NAMES))  # type: ignore[operator]
-        except UndefinedError as error:
+        except stl.UndefinedError as error:
             refused.append(f"signal {NAMES[column]!r} is NaN at sample {step}" in str(error))
     assert refused in ([], [True] * 4)

@@ -9,31 +9,18 @@ from hypothesis import assume, given, reject
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stlbench.stl import (
-    Always,
-    Eventually,
-    Formula,
-    Release,
-    ShortTraceError,
-    UndefinedError,
-    Until,
-    Witness,
-    holds,
-    parse,
-    robustness,
-    satisfied,
-    witness,
-)
+from stlbench import stl
+from stlbench.stl import robustness
 
 X = [[3.0], [1.0], [-2.0], [4.0], [0.0]]
 ANY = formulas(endless=True)
 
 
-def found_or_skipped(formula: Formula, trace: NDArray[np.float64]) -> Witness:
+def found_or_skipped(formula: stl.Formula, trace: NDArray[np.float64]) -> stl.Witness:
     if np.isfinite(robustness(formula, trace, NAMES)):
-        return witness(formula, trace, NAMES)
+        return stl.witness(formula, trace, NAMES)
     try:
-        return witness(formula, trace, NAMES)
+        return stl.witness(formula, trace, NAMES)
     except ValueError:  # the window of a past operator has no step
         reject()
 
@@ -63,13 +50,13 @@ def found_or_skipped(formula: Formula, trace: NDArray[np.float64]) -> Witness:
     ],
 )
 def test_by_hand(text: str, predicate: str, step: int, robustness: float) -> None:
-    found = witness(parse(text), X, ["x"])
+    found = stl.witness(stl.parse(text), X, ["x"])
     assert (str(found.predicate), found.step, found.robustness) == (predicate, step, robustness)
 
 
 def test_the_path_and_the_conjunct() -> None:
-    formula = parse("G[0,1] x <= 9 & (G[1,2] !(x <= 0 | x >= 5) & F[0,4] x >= 4)")
-    found = witness(formula, X, ["x"])
+    formula = stl.parse("G[0,1] x <= 9 & (G[1,2] !(x <= 0 | x >= 5) & F[0,4] x >= 4)")
+    found = stl.witness(formula, X, ["x"])
     texts = [(str(link.formula), link.step) for link in found.path[1:]]
     assert texts == [
         ("G[1,2] !(x <= 0 | x >= 5)", 0),
@@ -82,29 +69,29 @@ def test_the_path_and_the_conjunct() -> None:
 
 
 def test_where_there_is_no_conjunction_the_conjunct_is_the_formula() -> None:
-    formula = parse("G[0,2] (x >= 0 & x <= 9)")
-    assert witness(formula, X, ["x"]).conjunct == formula
+    formula = stl.parse("G[0,2] (x >= 0 & x <= 9)")
+    assert stl.witness(formula, X, ["x"]).conjunct == formula
 
 
 def test_of_equals_the_first() -> None:
     trace = [[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]]
-    found = witness(parse("G[0,2] (y >= 0 & x >= 0)"), trace, ["x", "y"])
+    found = stl.witness(stl.parse("G[0,2] (y >= 0 & x >= 0)"), trace, ["x", "y"])
     assert (str(found.predicate), found.step) == ("y >= 0", 0)
 
 
 def test_at_zero_it_is_one_that_decides() -> None:
     """Both operands have the margin 0, and only the second is violated."""
-    found = witness(parse("x >= 0 & x > 0"), [[0.0]], ["x"])
+    found = stl.witness(stl.parse("x >= 0 & x > 0"), [[0.0]], ["x"])
     assert (str(found.predicate), found.robustness) == ("x > 0", 0)
 
 
 def test_true_has_the_margin_inf() -> None:
-    found = witness(parse("False"), X, ["x"])
+    found = stl.witness(stl.parse("False"), X, ["x"])
     assert (str(found.predicate), found.margin, found.robustness) == ("True", np.inf, -np.inf)
 
 
 @given(ANY, st.integers(1, 12), SEEDS)
-def test_the_margin_is_the_robustness_up_to_the_sign(formula: Formula, steps: int, seed: int) -> None:
+def test_the_margin_is_the_robustness_up_to_the_sign(formula: stl.Formula, steps: int, seed: int) -> None:
     assume(told(formula, steps - 1) >= 0)
     trace = traces(steps, seed)
     found = found_or_skipped(formula, trace)
@@ -113,37 +100,37 @@ def test_the_margin_is_the_robustness_up_to_the_sign(formula: Formula, steps: in
 
 
 @given(ANY, st.integers(1, 12), SEEDS)
-def test_the_predicate_has_the_verdict(formula: Formula, steps: int, seed: int) -> None:
+def test_the_predicate_has_the_verdict(formula: stl.Formula, steps: int, seed: int) -> None:
     assume(told(formula, steps - 1) >= 0)
     trace = traces(steps, seed)
     found = found_or_skipped(formula, trace)
-    there = bool(np.asarray(holds(found.predicate, NAMES)(trace[found.step])))
-    assert satisfied(formula, trace, NAMES) == (there if found.sign > 0 else not there)
+    there = bool(np.asarray(stl.holds(found.predicate, NAMES)(trace[found.step])))
+    assert stl.satisfied(formula, trace, NAMES) == (there if found.sign > 0 else not there)
 
 
 @given(formulas(endless=True, past=False), st.integers(1, 12), SEEDS)
-def test_every_part_of_the_path_has_the_same_value(formula: Formula, steps: int, seed: int) -> None:
+def test_every_part_of_the_path_has_the_same_value(formula: stl.Formula, steps: int, seed: int) -> None:
     assume(told(formula, steps - 1) >= 0)
     trace = traces(steps, seed)
-    found = witness(formula, trace, NAMES)
+    found = stl.witness(formula, trace, NAMES)
     assert found.path[0] == (formula, 0)
     for (above, at), (part, step) in zip(found.path, found.path[1:], strict=False):
         assert part in above.operands
         assert abs(robustness(part, trace[step:], NAMES)) == abs(found.robustness)
-        if isinstance(above, Always | Eventually):
+        if isinstance(above, stl.Always | stl.Eventually):
             assert at + above.a <= step <= at + above.b
-        elif isinstance(above, Until | Release):
+        elif isinstance(above, stl.Until | stl.Release):
             assert at <= step <= at + above.b
         else:
             assert step == at
 
 
 def test_what_is_refused() -> None:
-    with pytest.raises(ShortTraceError):
-        witness(parse("G[0,9] x >= 0"), X, ["x"])
+    with pytest.raises(stl.ShortTraceError):
+        stl.witness(stl.parse("G[0,9] x >= 0"), X, ["x"])
     with pytest.raises(ValueError, match=r"one trace \(T\+1, k\), got the shape \(1, 5, 1\)"):
-        witness(parse("x >= 0"), [X], ["x"])
+        stl.witness(stl.parse("x >= 0"), [X], ["x"])
     with pytest.raises(ValueError, match=r"no sample decides: at step 0, O\[2,3\] looks before sample 0 alone"):
-        witness(parse("F[0,1] O[2,3] x >= 0"), X, ["x"])
-    with pytest.raises(UndefinedError, match="sqrt"):
-        witness(parse("G[0,4] sqrt(x) >= 0"), X, ["x"])
+        stl.witness(stl.parse("F[0,1] O[2,3] x >= 0"), X, ["x"])
+    with pytest.raises(stl.UndefinedError, match="sqrt"):
+        stl.witness(stl.parse("G[0,4] sqrt(x) >= 0"), X, ["x"])

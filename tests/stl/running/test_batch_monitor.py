@@ -11,21 +11,7 @@ from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, interv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.stl import (
-    Always,
-    BatchMonitor,
-    Eventually,
-    Formula,
-    Intervals,
-    Monitor,
-    Not,
-    UndefinedError,
-    UnknownSignalError,
-    Until,
-    horizon,
-    parse,
-    satisfied,
-)
+from stlbench import stl
 from stlbench.stl.running.batch import SlidingLeast
 from stlbench.stl.running.tree import last_step
 
@@ -33,20 +19,20 @@ PSI = pointwise(LIPSCHITZ)
 WATCHED = st.one_of(
     formulas(leaves=4),
     formulas(leaves=4, endless=True),
-    st.builds(lambda ac, de, psi: Eventually(*ac, Always(*de, psi)), intervals(6), intervals(6), PSI),
-    st.builds(lambda ac, de, psi: Not(Always(*ac, Eventually(*de, psi))), intervals(6), intervals(6), PSI),
-    st.builds(lambda ab, left, right: Until(*ab, left, right), intervals(8), PSI, PSI),
+    st.builds(lambda ac, de, psi: stl.Eventually(*ac, stl.Always(*de, psi)), intervals(6), intervals(6), PSI),
+    st.builds(lambda ac, de, psi: stl.Not(stl.Always(*ac, stl.Eventually(*de, psi))), intervals(6), intervals(6), PSI),
+    st.builds(lambda ab, left, right: stl.Until(*ab, left, right), intervals(8), PSI, PSI),
 )
 
 
 @given(WATCHED, SEEDS, st.booleans())
-def test_equals_scalar_monitors(formula: Formula, seed: int, restarts: bool) -> None:
+def test_equals_scalar_monitors(formula: stl.Formula, seed: int, restarts: bool) -> None:
     count, rng = 4, np.random.default_rng(seed)
-    batch, single = BatchMonitor(formula, NAMES, count), [Monitor(formula, NAMES) for _ in range(count)]
+    batch, single = stl.BatchMonitor(formula, NAMES, count), [stl.Monitor(formula, NAMES) for _ in range(count)]
     for samples in traces(2 * min(last_step(formula), 20) + 4, seed, (count,)).swapaxes(0, 1):
         which = rng.random(count) < (0.2 if restarts else 0.0)
         batch.restart(which)
-        single = [Monitor(formula, NAMES) if anew else one for anew, one in zip(which, single, strict=True)]
+        single = [stl.Monitor(formula, NAMES) if anew else one for anew, one in zip(which, single, strict=True)]
         now = batch.update(samples)
         expected = [one.update(sample) for one, sample in zip(single, samples.tolist(), strict=True)]
         np.testing.assert_allclose(now.lower, [one.lower for one in expected], rtol=1e-12, atol=1e-12)
@@ -56,7 +42,7 @@ def test_equals_scalar_monitors(formula: Formula, seed: int, restarts: bool) -> 
 
 
 def test_a_run_by_hand() -> None:
-    monitor = BatchMonitor(parse("G[1,2] x >= 0"), ["x"], 2)
+    monitor = stl.BatchMonitor(stl.parse("G[1,2] x >= 0"), ["x"], 2)
     monitor.update([[-5.0], [0.0]])
     now = monitor.update([[3.0], [-2.0]])
     assert (now.lower.tolist(), now.upper.tolist()) == ([-math.inf] * 2, [3, -2])
@@ -77,7 +63,7 @@ def test_long_windows_slide() -> None:
 
 
 def test_earlier_answers_do_not_change() -> None:
-    monitor = BatchMonitor(parse("F[0,3] x >= 0"), ["x"], 1)
+    monitor = stl.BatchMonitor(stl.parse("F[0,3] x >= 0"), ["x"], 1)
     before = [monitor.update([[-1.0]]), monitor.update([[2.0]])]
     kept = copy.deepcopy(before)
     monitor.restart([True])
@@ -87,27 +73,29 @@ def test_earlier_answers_do_not_change() -> None:
 
 
 def test_a_copy_is_a_fork() -> None:
-    formula = parse("F[0,4] G[0,2] x >= 0 & x >= -1 U[1,5] x >= 1")
-    batch = traces(horizon(formula) + 1, 5, (3,))[..., :1]
-    monitor = BatchMonitor(formula, ["x"], 3)
+    formula = stl.parse("F[0,4] G[0,2] x >= 0 & x >= -1 U[1,5] x >= 1")
+    batch = traces(stl.horizon(formula) + 1, 5, (3,))[..., :1]
+    monitor = stl.BatchMonitor(formula, ["x"], 3)
     for samples in batch[:, :3].swapaxes(0, 1):
         monitor.update(samples)
     fork = copy.deepcopy(monitor)
     for _ in range(4):
         monitor.update(np.full((3, 1), -7.0))
-    now: Intervals = fork.update(batch[:, 3])
+    now: stl.Intervals = fork.update(batch[:, 3])
     for samples in batch[:, 4:].swapaxes(0, 1):
         now = fork.update(samples)
-    assert now.certainly.tolist() == now.possibly.tolist() == satisfied(formula, batch, ["x"]).tolist()
+    assert now.certainly.tolist() == now.possibly.tolist() == stl.satisfied(formula, batch, ["x"]).tolist()
 
 
 def test_undefined_samples_are_errors_while_a_trace_is_read() -> None:
-    monitor = BatchMonitor(parse("G[0,1] sqrt(x) >= 0"), ["x"], 3)
-    with pytest.raises(UndefinedError, match="'x' is NaN at sample 0 of trace 2"):
+    monitor = stl.BatchMonitor(stl.parse("G[0,1] sqrt(x) >= 0"), ["x"], 3)
+    with pytest.raises(stl.UndefinedError, match="'x' is NaN at sample 0 of trace 2"):
         monitor.update([[0.0], [1.0], [math.nan]])
-    with pytest.raises(UndefinedError, match=r"^sqrt\(x\) >= 0 has no value .* where x = -1 at sample 0 of trace 1$"):
+    with pytest.raises(
+        stl.UndefinedError, match=r"^sqrt\(x\) >= 0 has no value .* where x = -1 at sample 0 of trace 1$"
+    ):
         monitor.update([[0.0], [-1.0], [0.0]])
-    late = BatchMonitor(parse("G[0,0] sqrt(x) >= 0"), ["x"], 2)
+    late = stl.BatchMonitor(stl.parse("G[0,0] sqrt(x) >= 0"), ["x"], 2)
     late.update([[1.0], [2.0]])
     late.restart([0])
     assert late.update([[9.0], [math.nan]]).lower.tolist() == [3, math.sqrt(2)]
@@ -116,8 +104,8 @@ def test_undefined_samples_are_errors_while_a_trace_is_read() -> None:
 
 def test_shape_names_and_count_are_checked() -> None:
     with pytest.raises(ValueError, match=r"shape \(2, 1\) for x, got \(1, 1\)"):
-        BatchMonitor(parse("x >= 0"), ["x"], 2).update([[1.0]])
-    with pytest.raises(UnknownSignalError):
-        BatchMonitor(parse("y >= 0"), ["x"], 2)
+        stl.BatchMonitor(stl.parse("x >= 0"), ["x"], 2).update([[1.0]])
+    with pytest.raises(stl.UnknownSignalError):
+        stl.BatchMonitor(stl.parse("y >= 0"), ["x"], 2)
     with pytest.raises(ValueError, match="at least 1"):
-        BatchMonitor(parse("x >= 0"), ["x"], 0)
+        stl.BatchMonitor(stl.parse("x >= 0"), ["x"], 0)

@@ -11,41 +11,24 @@ from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, interv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.stl import (
-    Always,
-    BatchMonitor,
-    Eventually,
-    Formula,
-    Interval,
-    Monitor,
-    Not,
-    UndefinedError,
-    Until,
-    holds,
-    margin,
-    parse,
-    robustness,
-    robustness_bounds,
-    satisfaction_bounds,
-    satisfied,
-)
+from stlbench import stl
 from stlbench.stl.running.tree import last_step
 
 
 def test_a_run_by_hand() -> None:
-    monitor = Monitor(parse("G[1,2] x >= 0"), ["x"])
-    assert monitor.update([-5.0]) == Interval(-math.inf, math.inf, None)
-    assert monitor.update([3.0]) == Interval(-math.inf, 3.0, None)
-    assert monitor.update([1.0]) == Interval(1.0, 1.0, True)
-    assert monitor.update([-9.0]) == Interval(1.0, 1.0, True)
+    monitor = stl.Monitor(stl.parse("G[1,2] x >= 0"), ["x"])
+    assert monitor.update([-5.0]) == stl.Interval(-math.inf, math.inf, None)
+    assert monitor.update([3.0]) == stl.Interval(-math.inf, 3.0, None)
+    assert monitor.update([1.0]) == stl.Interval(1.0, 1.0, True)
+    assert monitor.update([-9.0]) == stl.Interval(1.0, 1.0, True)
 
 
 def test_the_verdict_comes_as_soon_as_nothing_can_change_it() -> None:
-    always = Monitor(parse("G[0,9] x >= 0"), ["x"])
-    assert always.update([-1.0]) == Interval(-math.inf, -1.0, False)
-    eventually = Monitor(parse("F[0,9] x >= 0"), ["x"])
-    assert eventually.update([1.0]) == Interval(1.0, math.inf, True)
-    nested = Monitor(parse("F[0,2] G[0,1] x > 0"), ["x"])
+    always = stl.Monitor(stl.parse("G[0,9] x >= 0"), ["x"])
+    assert always.update([-1.0]) == stl.Interval(-math.inf, -1.0, False)
+    eventually = stl.Monitor(stl.parse("F[0,9] x >= 0"), ["x"])
+    assert eventually.update([1.0]) == stl.Interval(1.0, math.inf, True)
+    nested = stl.Monitor(stl.parse("F[0,2] G[0,1] x > 0"), ["x"])
     assert [nested.update([x]).verdict for x in (1.0, 0.0, 2.0, 0.0)] == [None, None, None, False]
 
 
@@ -54,52 +37,52 @@ PSI = pointwise(LIPSCHITZ)
 WATCHED = st.one_of(
     formulas(),
     formulas(endless=True),
-    st.builds(lambda ac, de, psi: Eventually(*ac, Always(*de, psi)), intervals(6), intervals(6), PSI),
-    st.builds(lambda ac, de, psi: Not(Always(*ac, Eventually(*de, psi))), intervals(6), intervals(6), PSI),
-    st.builds(lambda ab, left, right: Until(*ab, left, right), intervals(8), PSI, PSI),
+    st.builds(lambda ac, de, psi: stl.Eventually(*ac, stl.Always(*de, psi)), intervals(6), intervals(6), PSI),
+    st.builds(lambda ac, de, psi: stl.Not(stl.Always(*ac, stl.Eventually(*de, psi))), intervals(6), intervals(6), PSI),
+    st.builds(lambda ab, left, right: stl.Until(*ab, left, right), intervals(8), PSI, PSI),
 )
 
 
 @given(WATCHED, SEEDS)
-def test_equals_the_interval_policy_at_every_step(formula: Formula, seed: int) -> None:
+def test_equals_the_interval_policy_at_every_step(formula: stl.Formula, seed: int) -> None:
     trace = traces(min(last_step(formula), 9) + 3, seed)
-    monitor = Monitor(formula, NAMES)
+    monitor = stl.Monitor(formula, NAMES)
     for n in range(1, len(trace) + 1):
         now = monitor.update(trace[n - 1])
-        lower, upper = robustness_bounds(formula, trace[:n], NAMES)
+        lower, upper = stl.robustness_bounds(formula, trace[:n], NAMES)
         np.testing.assert_allclose(now[:2], (lower, upper), rtol=1e-12, atol=1e-12)
-        certainly, possibly = satisfaction_bounds(formula, trace[:n], NAMES)
+        certainly, possibly = stl.satisfaction_bounds(formula, trace[:n], NAMES)
         assert now.verdict == (True if certainly else None if possibly else False)
     if len(trace) > last_step(formula):
-        np.testing.assert_allclose(now[:2], [robustness(formula, trace, NAMES)] * 2, rtol=1e-12, atol=1e-12)
-        assert now.verdict == satisfied(formula, trace, NAMES)
+        np.testing.assert_allclose(now[:2], [stl.robustness(formula, trace, NAMES)] * 2, rtol=1e-12, atol=1e-12)
+        assert now.verdict == stl.satisfied(formula, trace, NAMES)
 
 
 def test_without_an_interval_the_end_stays_open() -> None:
-    always, eventually = Monitor(parse("G x >= 0"), ["x"]), Monitor(parse("F x >= 0"), ["x"])
+    always, eventually = stl.Monitor(stl.parse("G x >= 0"), ["x"]), stl.Monitor(stl.parse("F x >= 0"), ["x"])
     for x in np.linspace(1, 5, 400):
-        assert always.update([x]) == Interval(-math.inf, 1.0, None)
-        assert eventually.update([-x]) == Interval(-1.0, math.inf, None)
-    assert always.update([-2.0]) == Interval(-math.inf, -2.0, False)
-    assert eventually.update([0.0]) == Interval(0.0, math.inf, True)
+        assert always.update([x]) == stl.Interval(-math.inf, 1.0, None)
+        assert eventually.update([-x]) == stl.Interval(-1.0, math.inf, None)
+    assert always.update([-2.0]) == stl.Interval(-math.inf, -2.0, False)
+    assert eventually.update([0.0]) == stl.Interval(0.0, math.inf, True)
 
 
 def test_without_intervals_at_most_a_window_is_kept() -> None:
     texts = ("G x >= 0", "F G x >= 0", "G F[0,3] x >= 0", "F[0,9] G x >= 0", "G[1,2] G x >= 0", "x >= 0 U x >= 9")
     for text in (*texts, "x >= 0 W x >= 9", "x >= 9 R x >= 0", "G[0,3] G[1,2] x >= 0", "F[0,3] F[1,2] x >= 0"):
-        assert not any(name.startswith("samples") for name in vars(Monitor(parse(text), ["x"])._state)), text
-    monitor = Monitor(parse("G F[0,3] x >= 0"), ["x"])
+        assert not any(name.startswith("samples") for name in vars(stl.Monitor(stl.parse(text), ["x"])._state)), text
+    monitor = stl.Monitor(stl.parse("G F[0,3] x >= 0"), ["x"])
     for x in range(500):
         monitor.update([float(-x)])
     assert len(vars(monitor._state)["queue0"]) <= 5
 
 
 @given(pointwise(), SEEDS)
-def test_formulas_without_temporal_operators_equal_margin_and_holds(psi: Formula, seed: int) -> None:
+def test_formulas_without_temporal_operators_equal_margin_and_holds(psi: stl.Formula, seed: int) -> None:
     for sample in traces(20, seed):
-        now = Monitor(psi, NAMES).update(sample)
-        np.testing.assert_allclose(now[:2], [margin(psi, NAMES)(sample)] * 2, rtol=1e-12, atol=1e-12)
-        assert now.verdict == holds(psi, NAMES)(sample)
+        now = stl.Monitor(psi, NAMES).update(sample)
+        np.testing.assert_allclose(now[:2], [stl.margin(psi, NAMES)(sample)] * 2, rtol=1e-12, atol=1e-12)
+        assert now.verdict == stl.holds(psi, NAMES)(sample)
 
 
 def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
@@ -113,11 +96,11 @@ def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
         ("!(x >= 0 U[0,0] x > 0)", True),
         ("x >= 0 * x", True),
     ]:
-        assert Monitor(parse(text), ["x"]).update([0.0]) == Interval(0.0, 0.0, verdict), text
+        assert stl.Monitor(stl.parse(text), ["x"]).update([0.0]) == stl.Interval(0.0, 0.0, verdict), text
 
 
 def test_fragment_formulas_keep_no_samples() -> None:
-    monitor = Monitor(parse("F[0,9] x >= 0 & G[0,9] x >= 0 & F[0,9] G[3,700] x >= 0"), ["x"])
+    monitor = stl.Monitor(stl.parse("F[0,9] x >= 0 & G[0,9] x >= 0 & F[0,9] G[3,700] x >= 0"), ["x"])
     assert not any(name.startswith("samples") for name in vars(monitor._state))
     for x in np.random.default_rng(0).normal(size=600):
         monitor.update([x])
@@ -125,7 +108,7 @@ def test_fragment_formulas_keep_no_samples() -> None:
 
 
 def test_general_formulas_keep_at_most_the_horizon() -> None:
-    monitor = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
+    monitor = stl.Monitor(stl.parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
     for _ in range(50):
         monitor.update([0.5])
     assert vars(monitor._state)["samples0"].rows.shape[1] <= 2 * 6 + 2
@@ -156,23 +139,23 @@ NESTED = [
 @pytest.mark.parametrize("seed", range(3))
 def test_nested_operators_equal_the_interval_policy(text: str, seed: int) -> None:
     """What is kept beside the samples stands for all of them: traces are longer than any operand looks."""
-    formula, trace = parse(text), traces(40, seed)
-    monitor, batch = Monitor(formula, NAMES), BatchMonitor(formula, NAMES, 2)
+    formula, trace = stl.parse(text), traces(40, seed)
+    monitor, batch = stl.Monitor(formula, NAMES), stl.BatchMonitor(formula, NAMES, 2)
     for n in range(1, len(trace) + 1):
         now = monitor.update(trace[n - 1])
         if n == 15:
             batch.restart([1])
         known = batch.update([trace[n - 1], trace[n - 1]])
-        bounds = robustness_bounds(formula, trace[:n], NAMES)
+        bounds = stl.robustness_bounds(formula, trace[:n], NAMES)
         assert now[:2] == tuple(end.item() for end in bounds)
-        later = robustness_bounds(formula, trace[14 if n >= 15 else 0 : n], NAMES)
+        later = stl.robustness_bounds(formula, trace[14 if n >= 15 else 0 : n], NAMES)
         assert (known.lower.tolist(), known.upper.tolist()) == tuple([a, b] for a, b in zip(bounds, later, strict=True))
-        certainly, possibly = satisfaction_bounds(formula, trace[:n], NAMES)
+        certainly, possibly = stl.satisfaction_bounds(formula, trace[:n], NAMES)
         assert now.verdict == (True if certainly else None if possibly else False)
 
 
 def kept(text: str, steps: int) -> int:
-    monitor = Monitor(parse(text), NAMES)
+    monitor = stl.Monitor(stl.parse(text), NAMES)
     for sample in traces(steps, 0):
         monitor.update(sample)
     return int(vars(monitor._state)["samples0"].rows.shape[1])
@@ -185,14 +168,14 @@ def test_what_is_kept_does_not_grow_with_the_trace(text: str) -> None:
 
 def test_what_overflows_is_infinite_as_in_arrays() -> None:
     trace = np.array([[0.0], [1.0]])
-    formula = parse("G[0,1] exp(1000 * x) >= 1")
-    monitor = Monitor(formula, ["x"])
+    formula = stl.parse("G[0,1] exp(1000 * x) >= 1")
+    monitor = stl.Monitor(formula, ["x"])
     monitor.update(trace[0])
-    assert monitor.update(trace[1]).lower == robustness(formula, trace, ["x"]) == 0
+    assert monitor.update(trace[1]).lower == stl.robustness(formula, trace, ["x"]) == 0
 
 
 def test_samples_of_any_kind_are_read_alike() -> None:
-    formula = parse("x >= y")
+    formula = stl.parse("x >= y")
     samples = [
         [3, 1],
         (3.0, 1.0),
@@ -202,29 +185,29 @@ def test_samples_of_any_kind_are_read_alike() -> None:
         ["3", "1"],
     ]
     for sample in samples:
-        assert Monitor(formula, ["x", "y"]).update(sample) == Interval(2.0, 2.0, True)
-    assert Monitor(formula, ["x", "y"]).update([math.inf, -math.inf]) == Interval(math.inf, math.inf, True)
+        assert stl.Monitor(formula, ["x", "y"]).update(sample) == stl.Interval(2.0, 2.0, True)
+    assert stl.Monitor(formula, ["x", "y"]).update([math.inf, -math.inf]) == stl.Interval(math.inf, math.inf, True)
 
 
 def test_the_samples_are_not_kept_by_reference() -> None:
-    monitor, sample = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"]), [2.0]
+    monitor, sample = stl.Monitor(stl.parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"]), [2.0]
     monitor.update(sample)
     sample[0] = -5.0
     assert monitor.update(sample).lower == 1.0
 
 
 def test_a_copy_is_a_fork() -> None:
-    monitor = Monitor(parse("F[0,1] G[0,1] x >= 0"), ["x"])
+    monitor = stl.Monitor(stl.parse("F[0,1] G[0,1] x >= 0"), ["x"])
     monitor.update([2.0])
     fork = copy.deepcopy(monitor)
-    assert monitor.update([-1.0]) == Interval(-1.0, -1.0, False)  # both windows have this sample
+    assert monitor.update([-1.0]) == stl.Interval(-1.0, -1.0, False)  # both windows have this sample
     assert fork.update([5.0]).lower == 2.0
-    assert fork.update([4.0]) == Interval(4.0, 4.0, True)
+    assert fork.update([4.0]) == stl.Interval(4.0, 4.0, True)
 
 
 @pytest.mark.parametrize("sample", [[math.inf], [-1e-320]])
 def test_infinite_and_tiny_samples(sample: list[float]) -> None:
-    now = Monitor(parse("x > 0"), ["x"]).update(sample)
+    now = stl.Monitor(stl.parse("x > 0"), ["x"]).update(sample)
     assert now.verdict == (sample[0] > 0)
     np.testing.assert_allclose(now.lower, sample[0], atol=1e-300)
 
@@ -237,5 +220,5 @@ def test_a_nan_inside_a_minimum_is_an_error_as_in_arrays() -> None:
         "max(0, x - y) <= 1",
         "x - y >= 0 | True & x >= 0",
     ):
-        with pytest.raises(UndefinedError, match="has no value"):
-            Monitor(parse(text), ["x", "y"]).update([math.inf, math.inf])
+        with pytest.raises(stl.UndefinedError, match="has no value"):
+            stl.Monitor(stl.parse(text), ["x", "y"]).update([math.inf, math.inf])

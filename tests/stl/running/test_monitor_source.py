@@ -11,22 +11,7 @@ from helpers.generated_formulas import LIPSCHITZ, NAMES, formulas, intervals, po
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.stl import (
-    Always,
-    And,
-    BatchMonitor,
-    Eventually,
-    Formula,
-    Monitor,
-    Not,
-    Or,
-    Predicate,
-    Signal,
-    UndefinedError,
-    Until,
-    horizon,
-    parse,
-)
+from stlbench import stl
 from stlbench.stl.predicates.dialect import FLOATS
 from stlbench.stl.running import monitor as monitor_source
 from stlbench.stl.running.monitor import source
@@ -41,28 +26,30 @@ VALUES = st.one_of(
 TRACES = st.lists(st.tuples(VALUES, VALUES, VALUES), min_size=1, max_size=14)
 PSI = pointwise(LIPSCHITZ)
 OPERATORS = st.one_of(
-    st.builds(lambda ab, psi: Always(*ab, psi), intervals(8), PSI),
-    st.builds(lambda ab, psi: Eventually(*ab, psi), intervals(8), PSI),
-    st.builds(lambda ac, de, psi: Eventually(*ac, Always(*de, psi)), intervals(6), intervals(4), PSI),
-    st.builds(lambda ac, de, psi: Always(*ac, Eventually(*de, psi)), intervals(6), intervals(4), PSI),
-    st.builds(lambda ab, left, right: Until(*ab, left, right), intervals(8), PSI, PSI),
+    st.builds(lambda ab, psi: stl.Always(*ab, psi), intervals(8), PSI),
+    st.builds(lambda ab, psi: stl.Eventually(*ab, psi), intervals(8), PSI),
+    st.builds(lambda ac, de, psi: stl.Eventually(*ac, stl.Always(*de, psi)), intervals(6), intervals(4), PSI),
+    st.builds(lambda ac, de, psi: stl.Always(*ac, stl.Eventually(*de, psi)), intervals(6), intervals(4), PSI),
+    st.builds(lambda ab, left, right: stl.Until(*ab, left, right), intervals(8), PSI, PSI),
 )
-SEVERAL = st.lists(st.one_of(OPERATORS, OPERATORS.map(Not)), min_size=2, max_size=4).map(tuple)
-JOINED = st.one_of(OPERATORS, st.builds(And, SEVERAL), st.builds(Or, SEVERAL), SEVERAL.map(lambda some: Not(And(some))))
+SEVERAL = st.lists(st.one_of(OPERATORS, OPERATORS.map(stl.Not)), min_size=2, max_size=4).map(tuple)
+JOINED = st.one_of(
+    OPERATORS, st.builds(stl.And, SEVERAL), st.builds(stl.Or, SEVERAL), SEVERAL.map(lambda some: stl.Not(stl.And(some)))
+)
 
 
-def written(formula: Formula, names: tuple[str, ...] = NAMES) -> str:
+def written(formula: stl.Formula, names: tuple[str, ...] = NAMES) -> str:
     return "\n".join(source(Tree(formula, names, one()), last_step(formula), len(names)))
 
 
-def check(formula: Formula, trace: list[tuple[float, ...]]) -> None:
+def check(formula: stl.Formula, trace: list[tuple[float, ...]]) -> None:
     """Both monitors say the same at every sample, or both refuse it."""
-    monitor, batch = Monitor(formula, NAMES), BatchMonitor(formula, NAMES, 1)
+    monitor, batch = stl.Monitor(formula, NAMES), stl.BatchMonitor(formula, NAMES, 1)
     for sample in trace:
         try:
             known = batch.update([sample])
-        except UndefinedError as error:
-            with pytest.raises(UndefinedError, match=re.escape(str(error).partition(" of trace")[0])):
+        except stl.UndefinedError as error:
+            with pytest.raises(stl.UndefinedError, match=re.escape(str(error).partition(" of trace")[0])):
                 monitor.update(sample)
             continue
         now = monitor.update(sample)
@@ -71,7 +58,7 @@ def check(formula: Formula, trace: list[tuple[float, ...]]) -> None:
 
 
 @given(JOINED, TRACES)
-def test_equals_the_batch_monitor_to_the_bit(formula: Formula, trace: list[tuple[float, ...]]) -> None:
+def test_equals_the_batch_monitor_to_the_bit(formula: stl.Formula, trace: list[tuple[float, ...]]) -> None:
     check(formula, trace)
 
 
@@ -84,16 +71,16 @@ def joined_spans(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("joined_spans")
 def test_so_it_does_where_spans_are_joined() -> None:
     @given(JOINED, TRACES)
-    def run(formula: Formula, trace: list[tuple[float, ...]]) -> None:
+    def run(formula: stl.Formula, trace: list[tuple[float, ...]]) -> None:
         check(formula, trace)
 
     run()
     monitor_source.program.cache_clear()
 
 
-def many(count: int) -> Formula:
+def many(count: int) -> stl.Formula:
     texts = (f"G[{i},{2 * i + 5}] x >= {i % 7} & F[{i},{i + 3}] G[0,{i}] y <= {i % 5}" for i in range(count))
-    return parse(" & ".join(texts))
+    return stl.parse(" & ".join(texts))
 
 
 def test_the_source_grows_with_the_operators_and_not_with_their_square() -> None:
@@ -101,25 +88,25 @@ def test_the_source_grows_with_the_operators_and_not_with_their_square() -> None
 
 
 def test_conjuncts_of_one_interval_are_one_operator() -> None:
-    def same(count: int) -> Formula:
-        return parse(
+    def same(count: int) -> stl.Formula:
+        return stl.parse(
             " & ".join(f"G[{i % 3},9] x >= {i} & (F[1,4] x >= {i} | F[1,4] y >= {i} | z >= 1)" for i in range(count))
         )
 
     trace = [tuple(row) for row in (4 * np.random.default_rng(0).standard_normal((12, 3))).tolist()]
     check(same(30), trace)
-    globally = parse(" & ".join(f"G[{i % 3},9] x >= {i}" for i in range(2000)))
-    assert len(written(globally)) <= len(written(parse("G[0,9] x >= 0 & G[1,9] x >= 1 & G[2,9] x >= 2")))
+    globally = stl.parse(" & ".join(f"G[{i % 3},9] x >= {i}" for i in range(2000)))
+    assert len(written(globally)) <= len(written(stl.parse("G[0,9] x >= 0 & G[1,9] x >= 1 & G[2,9] x >= 2")))
 
 
 def test_many_operators() -> None:
     formula = many(60)
-    trace = 4 * np.random.default_rng(0).standard_normal((horizon(formula) + 2, 3))
+    trace = 4 * np.random.default_rng(0).standard_normal((stl.horizon(formula) + 2, 3))
     check(formula, [tuple(row) for row in trace.tolist()])
 
 
 @given(formulas(LIPSCHITZ, 3, 4, endless=True))
-def test_every_word_of_the_source_is_one_of_ours(formula: Formula) -> None:
+def test_every_word_of_the_source_is_one_of_ours(formula: stl.Formula) -> None:
     words = "def begin step m now sample if elif else not and or is while try except return True False None"
     state = "steps answer changed lower upper verdict queue first clear pop popleft append"
     numbered = "x|t|v|w|whole_v|whole_w|l|u|lower|upper|best|open|queue|due|guard|samples|state|begin|read|take"
@@ -131,15 +118,20 @@ def test_every_word_of_the_source_is_one_of_ours(formula: Formula) -> None:
 
 @pytest.mark.parametrize("name", ["__import__", "sample", "x0", "m", "now", "checked", "lambda", "µ"])
 def test_hostile_names_are_signals_like_others(name: str) -> None:
-    signal = Signal("harmless")
+    signal = stl.Signal("harmless")
     object.__setattr__(signal, "name", name)  # the checks of names are gone around
-    formula = And((Always(0, 3, Predicate(">=", signal, Signal("b"))), Until(0, 2, parse("b >= 0"), parse("b >= 1"))))
-    plain = And((Always(0, 3, Predicate(">=", Signal("a"), Signal("b"))), formula.args[1]))
+    formula = stl.And(
+        (
+            stl.Always(0, 3, stl.Predicate(">=", signal, stl.Signal("b"))),
+            stl.Until(0, 2, stl.parse("b >= 0"), stl.parse("b >= 1")),
+        )
+    )
+    plain = stl.And((stl.Always(0, 3, stl.Predicate(">=", stl.Signal("a"), stl.Signal("b"))), formula.args[1]))
     assert written(formula, (name, "b")) == written(plain, ("a", "b"))
 
 
 def test_what_is_not_read_may_be_anything_but_the_length_counts() -> None:
-    monitor = Monitor(parse("G[1,2] x >= 0"), ["x", "y"])
+    monitor = stl.Monitor(stl.parse("G[1,2] x >= 0"), ["x", "y"])
     assert monitor.update((math.nan, "nothing is read at 0")).verdict is None  # type: ignore[arg-type]
     assert monitor.update((2.0, None)).upper == 2.0  # type: ignore[arg-type]
     for sample in ((1.0,), (1.0, 2.0, 3.0), 1.0):
@@ -151,4 +143,4 @@ def test_what_is_not_read_may_be_anything_but_the_length_counts() -> None:
 
 def test_integers_are_counted_as_floats() -> None:
     huge = 2**53 + 1
-    assert Monitor(parse("x - y >= 0"), ["x", "y"]).update((huge, huge - 1)).lower == 0.0
+    assert stl.Monitor(stl.parse("x - y >= 0"), ["x", "y"]).update((huge, huge - 1)).lower == 0.0
