@@ -61,9 +61,7 @@ def test_elsewhere_the_reason_has_the_text_that_was_written(method: type[RewardM
         ("F[0,5] x >= 0 | G[0,5] x <= 0", "disjunction of temporal formulas at column 15"),
     ],
 )
-def test_what_is_outside_the_fragment_is_named_with_its_place(
-    method: type[RewardMethod], text: str, place: str
-) -> None:
+def test_what_is_outside_the_fragment_is_named(method: type[RewardMethod], text: str, place: str) -> None:
     with pytest.raises(Unsuitable, match=f"{place} is not in the funnel fragment"):
         method(specification(text, BOX, steps=9))
 
