@@ -17,17 +17,7 @@ from numpy.typing import NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
-from stlbench.stl.language.syntax import (
-    END,
-    Between,
-    Connective,
-    Formula,
-    Not,
-    Predicate,
-    Release,
-    TrueFormula,
-    Window,
-)
+from stlbench.stl.language.syntax import END, Between, Connective, Formula, Not, Predicate, Release, TrueFormula, Window
 from stlbench.stl.predicates import compile_arrays
 from stlbench.stl.predicates.writer import Reading
 from stlbench.stl.recorded.windows import Values, slide, until

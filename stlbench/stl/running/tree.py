@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from stlbench.stl.language.expressions import MAX_DEPTH
 from stlbench.stl.language.structure import horizon, is_temporal, unbounded
@@ -29,12 +29,6 @@ from stlbench.stl.recorded.evaluator import unknown
 #: least and greatest value, as floats or as arrays
 Ends: TypeAlias = tuple[Any, Any]
 Interval: TypeAlias = tuple[int, int]
-
-
-class Part(Protocol):
-    """Any node of the tree."""
-
-    def bounds(self) -> Ends: ...
 
 
 class Pointwise(NamedTuple):
@@ -63,6 +57,8 @@ class Leaf:
 
 
 L = TypeVar("L", bound=Leaf)
+#: any node of the tree
+Part: TypeAlias = "Leaf | Joined"
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,7 @@ from stlbench.stl.language.syntax import (
     Window,
 )
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
+from stlbench.stl.recorded.windows import until
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -178,12 +179,9 @@ def _first(goal: Floats, guard: Floats, start: int) -> Floats:
     """The until at one step: goals (n, m) from step `start` on, guards (n, ...) from 0 on, none where they hold."""
     if not guard.shape[1]:
         return np.asarray(goal.max(axis=1))
-    before = np.minimum.accumulate(guard, axis=1)
-    if start >= before.shape[1]:  # beyond the step that stands for all to come
-        return np.asarray(np.minimum(goal[:, -1], before[:, -1]))
-    if start == 0:
-        return np.asarray(np.maximum(goal[:, 0], np.minimum(goal[:, 1:], before).max(axis=1)))
-    return np.asarray(np.minimum(goal, before[:, start - 1 :]).max(axis=1))
+    if start > guard.shape[1]:  # beyond the step that stands for all to come
+        return np.asarray(np.minimum(goal[:, -1], guard.min(axis=1)))
+    return np.asarray(until(guard, goal, start, 1)[:, 0])
 
 
 def _as_until(formula: Formula) -> tuple[bool, tuple[int, int], Formula, Formula]:

@@ -19,8 +19,7 @@ def test_the_pendulum_formula() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "start", "end"),
-    [("F[3,9] x >= 0", 3, 9), ("G[0,200] x >= 0", 0, 200), ("F[1,4] G[2,10] x >= 0", 3, 14)],
+    ("text", "start", "end"), [("F[3,9] x >= 0", 3, 9), ("G[0,200] x >= 0", 0, 200), ("F[1,4] G[2,10] x >= 0", 3, 14)]
 )
 def test_start_and_end_are_when_psi_is_observed(text: str, start: int, end: int) -> None:
     (term,) = fragment(parse(text))

@@ -179,11 +179,7 @@ def test_short_trace_is_an_error() -> None:
 
 @pytest.mark.parametrize(
     ("trace", "names", "message"),
-    [
-        (np.zeros((5, 2)), ["x"], "shape"),
-        (np.zeros(5), ["x"], "shape"),
-        (np.zeros((5, 2)), ["x", "x"], "differ"),
-    ],
+    [(np.zeros((5, 2)), ["x"], "shape"), (np.zeros(5), ["x"], "shape"), (np.zeros((5, 2)), ["x", "x"], "differ")],
 )
 def test_shapes_and_names_are_checked(trace: Any, names: list[str], message: str) -> None:
     with pytest.raises(ValueError, match=message):

@@ -58,12 +58,7 @@ def test_the_path_and_the_conjunct() -> None:
     formula = stl.parse("G[0,1] x <= 9 & (G[1,2] !(x <= 0 | x >= 5) & F[0,4] x >= 4)")
     found = stl.witness(formula, X, ["x"])
     texts = [(str(link.formula), link.step) for link in found.path[1:]]
-    assert texts == [
-        ("G[1,2] !(x <= 0 | x >= 5)", 0),
-        ("!(x <= 0 | x >= 5)", 2),
-        ("x <= 0 | x >= 5", 2),
-        ("x <= 0", 2),
-    ]
+    assert texts == [("G[1,2] !(x <= 0 | x >= 5)", 0), ("!(x <= 0 | x >= 5)", 2), ("x <= 0 | x >= 5", 2), ("x <= 0", 2)]
     assert str(found.conjunct) == "G[1,2] !(x <= 0 | x >= 5)"
     assert (found.margin, found.sign, found.robustness) == (2, -1, -2)
 
