@@ -106,6 +106,16 @@ def pointwise(predicates: st.SearchStrategy[Any] = PREDICATES) -> st.SearchStrat
     return st.recursive(st.one_of(predicates, st.just(TrueFormula())), _boolean, max_leaves=4)
 
 
+#: the nestings for which monitors have operators of their own, and any others
+WATCHED = st.one_of(
+    formulas(leaves=4),
+    formulas(leaves=4, endless=True),
+    st.builds(lambda ac, de, psi: Eventually(*ac, Always(*de, psi)), intervals(6), intervals(6), pointwise(LIPSCHITZ)),
+    st.builds(lambda ac, de, psi: Not(Always(*ac, Eventually(*de, psi))), intervals(6), intervals(6), pointwise()),
+    st.builds(lambda ab, left, right: Until(*ab, left, right), intervals(8), pointwise(LIPSCHITZ), pointwise()),
+)
+
+
 def traces(steps: int, seed: int, batch: tuple[int, ...] = ()) -> NDArray[np.float64]:
     """Random traces (*batch, steps, 3) on a grid of quarters, so that ties and margins of exactly 0 are common."""
     return np.random.default_rng(seed).integers(-12, 13, size=(*batch, steps, len(NAMES))) / 4.0

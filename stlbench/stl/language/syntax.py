@@ -216,13 +216,12 @@ class Since(Between):
     letter, past = "S", True
 
 
-Temporal: TypeAlias = Always | Eventually | Historically | Once | Until | Release | Since
+Temporal: TypeAlias = Window | Between
 Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Temporal
 AnyNode: TypeAlias = Expression | Formula
 #: the temporal operators, by letter
-WINDOWS: dict[str, type[Always | Eventually | Historically | Once]]
-WINDOWS = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
-BETWEEN: dict[str, type[Until | Release | Since]] = {kind.letter: kind for kind in (Until, Release, Since)}
+WINDOWS: dict[str, type[Window]] = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
+BETWEEN: dict[str, type[Between]] = {kind.letter: kind for kind in (Until, Release, Since)}
 
 
 def iff(left: Formula, right: Formula, position: Position | None = None) -> Formula:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stlbench.stl import Always, And, Eventually, Formula, Not, Or, Predicate, Until, horizon, parse, robustness
+from stlbench.stl import Always, And, Eventually, Formula, Not, Or, Until, horizon, parse, robustness
 
 tidystl: Any = pytest.importorskip("tidystl")
 tidystl.use(importlib.import_module("tidystl_compat"))
@@ -123,48 +123,43 @@ def test_a_tool_agrees_but_for_its_reading(
         assert told(tool, formula, traces) == pytest.approx(expected, abs=1e-9), str(formula)
 
 
-def one(tool: str, formula: str, x: list[float], y: list[float] | None = None) -> float:
-    trace = np.stack([x, y if y is not None else np.zeros(len(x))], axis=-1)[None]
-    return float(told(tool, parse(formula), trace)[0])
+NO_Y: list[float] = []
 
 
-def ours(formula: str, x: list[float], y: list[float] | None = None, policy: Any = "strict") -> float:
-    trace = np.stack([x, y if y is not None else np.zeros(len(x))], axis=-1)
-    return float(robustness(parse(formula), trace, NAMES, policy=policy))
-
-
-class TestTheTableOfDocs:
-    """Each row of the table "where tools differ" in docs/stl.md."""
-
-    def test_the_left_operand_at_the_step_of_the_right_one(self) -> None:
-        case = "x >= 0 U[0,2] y >= 0", [2.0, -1.0, -1.0], [-1.0, 1.0, -1.0]
-        assert (ours(*case), one("rtamt", *case)) == (1, 1)
-        assert [one(tool, *case) for tool in ("breach", "taliro", "stlcgpp")] == [-1, -1, -1]
-
-    def test_the_end_of_a_window(self) -> None:
-        case = "G[0,2] x >= 0", [2.0, 1.0, -1.0]
-        assert [ours(*case), *(one(tool, *case) for tool in ("rtamt", "breach", "taliro", "stlcgpp"))] == [-1] * 5
-        assert one("pymtl", *case) == 1
-
-    def test_a_window_after_the_end_of_the_trace(self) -> None:
-        case = "G[3,4] x >= 0", [2.0, 1.0, -1.0]
-        assert [one(tool, *case) for tool in ("rtamt", "taliro")] == [np.inf, np.inf]
-        assert ours(*case, policy="clip") == np.inf
-        assert [one(tool, *case) for tool in ("breach", "stlcgpp")] == [-1, -1]
-
-    def test_the_unit_of_a_predicate(self) -> None:
-        case = "G[0,1] 3 * x + 4 * y >= 0", [2.0, 1.0], [1.0, 1.0]
-        assert [ours(*case), *(one(tool, *case) for tool in ("rtamt", "breach", "pymtl", "stlcgpp"))] == [
-            7,
-            7,
-            7,
-            10,
-            7,
-        ]
-        assert one("taliro", *case) == pytest.approx(7 / 5)
-
-    def test_a_strict_comparison(self) -> None:
-        """At x = 0 all have the robustness 0 for x > 0 and for x >= 0; only here is there a verdict beside it."""
-        for tool in ("rtamt", "breach", "taliro", "stlcgpp"):
-            assert one(tool, "G[0,1] x > 0", [0.0, 1.0]) == one(tool, "G[0,1] x >= 0", [0.0, 1.0]) == 0
-        assert isinstance(parse("x > 0"), Predicate)
+@pytest.mark.parametrize(
+    ("formula", "x", "y", "expected"),
+    [
+        pytest.param(
+            *("x >= 0 U[0,2] y >= 0", [2.0, -1.0, -1.0], [-1.0, 1.0, -1.0]),
+            {"ours": 1, "rtamt": 1, "breach": -1, "taliro": -1, "stlcgpp": -1},
+            id="the left operand at the step of the right one",
+        ),
+        pytest.param(
+            *("G[0,2] x >= 0", [2.0, 1.0, -1.0], NO_Y),
+            {"ours": -1, "rtamt": -1, "breach": -1, "taliro": -1, "stlcgpp": -1, "pymtl": 1},
+            id="the end of a window",
+        ),
+        pytest.param(
+            *("G[3,4] x >= 0", [2.0, 1.0, -1.0], NO_Y),
+            {"ours": np.inf, "rtamt": np.inf, "taliro": np.inf, "breach": -1, "stlcgpp": -1},
+            id="a window after the end of the trace",
+        ),
+        pytest.param(
+            *("G[0,1] 3 * x + 4 * y >= 0", [2.0, 1.0], [1.0, 1.0]),
+            {"ours": 7, "rtamt": 7, "breach": 7, "pymtl": 10, "stlcgpp": 7, "taliro": 7 / 5},
+            id="the unit of a predicate",
+        ),
+        pytest.param(
+            *("G[0,1] x > 0", [0.0, 1.0], NO_Y),
+            {"ours": 0, "rtamt": 0, "breach": 0, "taliro": 0, "stlcgpp": 0},
+            id="a strict comparison, which only here has another verdict",
+        ),
+    ],
+)
+def test_a_row_of_the_table_of_docs(formula: str, x: list[float], y: list[float], expected: dict[str, float]) -> None:
+    """The table "where tools differ" in docs/stl.md."""
+    parsed, trace = parse(formula), np.stack([x, y or np.zeros(len(x))], axis=-1)
+    for tool, value in expected.items():
+        ours = tool == "ours"
+        found = robustness(parsed, trace, NAMES, policy="clip") if ours else told(tool, parsed, trace[None])[0]
+        assert float(found) == pytest.approx(value), tool

@@ -7,22 +7,13 @@ import math
 
 import numpy as np
 import pytest
-from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
+from helpers.generated_formulas import NAMES, SEEDS, WATCHED, traces
 from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.stl.running.batch import SlidingLeast
 from stlbench.stl.running.tree import last_step
-
-PSI = pointwise(LIPSCHITZ)
-WATCHED = st.one_of(
-    formulas(leaves=4),
-    formulas(leaves=4, endless=True),
-    st.builds(lambda ac, de, psi: stl.Eventually(*ac, stl.Always(*de, psi)), intervals(6), intervals(6), PSI),
-    st.builds(lambda ac, de, psi: stl.Not(stl.Always(*ac, stl.Eventually(*de, psi))), intervals(6), intervals(6), PSI),
-    st.builds(lambda ab, left, right: stl.Until(*ab, left, right), intervals(8), PSI, PSI),
-)
 
 
 @given(WATCHED, SEEDS, st.booleans())

@@ -7,9 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
+from helpers.generated_formulas import NAMES, SEEDS, WATCHED, pointwise, traces
 from hypothesis import given
-from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.stl.running.tree import last_step
@@ -30,17 +29,6 @@ def test_the_verdict_comes_as_soon_as_nothing_can_change_it() -> None:
     assert eventually.update([1.0]) == stl.Interval(1.0, math.inf, True)
     nested = stl.Monitor(stl.parse("F[0,2] G[0,1] x > 0"), ["x"])
     assert [nested.update([x]).verdict for x in (1.0, 0.0, 2.0, 0.0)] == [None, None, None, False]
-
-
-PSI = pointwise(LIPSCHITZ)
-#: the nestings that have operators of their own, and any others
-WATCHED = st.one_of(
-    formulas(),
-    formulas(endless=True),
-    st.builds(lambda ac, de, psi: stl.Eventually(*ac, stl.Always(*de, psi)), intervals(6), intervals(6), PSI),
-    st.builds(lambda ac, de, psi: stl.Not(stl.Always(*ac, stl.Eventually(*de, psi))), intervals(6), intervals(6), PSI),
-    st.builds(lambda ab, left, right: stl.Until(*ab, left, right), intervals(8), PSI, PSI),
-)
 
 
 @given(WATCHED, SEEDS)
