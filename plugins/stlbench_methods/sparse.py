@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
+
 from stlbench import stl
-from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
 from stlbench_methods.flag import AbsoluteFlags
 from stlbench_methods.progress import Progress, at_the_end
 from stlbench_methods.values import Truths
@@ -56,6 +58,9 @@ class Sparse(RewardMethod):
         return self._known.inputs(memory)
 
     def _paid(self, memory: Array, t: Integers) -> Array:
+        satisfied: Truth
         if isinstance(self._known, Progress):
-            return (self._known.so_far(memory, t) > 0.5) + self._offset
-        return (memory[:, self._known.columns] == 1).all(axis=1) + self._offset
+            satisfied = self._known.so_far(memory, t) > 0.5
+        else:
+            satisfied = (memory[:, self._known.columns] == 1).all(axis=1)
+        return np.where(satisfied, 1.0, 0.0) + self._offset

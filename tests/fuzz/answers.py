@@ -20,11 +20,12 @@ HANG = 120
 
 
 def sizes(short: int, long: int) -> Any:
-    """Run a test on so many examples, the same ones each time; behind the marker `long` on more, and on new ones.
+    """Run a test on a quarter of `short` examples, every night on all of them, the same ones each time.
 
-    Long, a file takes about ten minutes of processor time.
+    Behind the marker `long` it runs on more, and on new ones: a file takes about ten minutes of processor time.
     """
-    return pytest.mark.parametrize("examples", [short, pytest.param(long, marks=pytest.mark.long)])
+    tiers = [pytest.param(short, marks=pytest.mark.slow), pytest.param(long, marks=pytest.mark.long)]
+    return pytest.mark.parametrize("examples", [max(3, short // 4), *tiers])
 
 
 def fuzz(examples: int, strategy: st.SearchStrategy[Any], check: Callable[[Any], None]) -> None:

@@ -64,7 +64,13 @@ def test_difference_telescopes_to_tltl_less_a_constant_of_the_start(formula: str
         assert growth == pytest.approx(rho - certain_at(start, spec), abs=1e-9)
 
 
-@pytest.mark.parametrize("formula", ["G[1,5] abs(x - 1) <= 1", "F[1,3] abs(x - 1) <= 1 & G[4,6] abs(x + 1) <= 1"])
+@pytest.mark.parametrize(
+    "formula",
+    [
+        pytest.param("G[1,5] abs(x - 1) <= 1", marks=pytest.mark.slow),
+        "F[1,3] abs(x - 1) <= 1 & G[4,6] abs(x + 1) <= 1",
+    ],
+)
 def test_tltl_and_difference_have_the_best_robustness_for_their_optimum(formula: str) -> None:
     """They have few margins in -2..2, so the planner can enumerate the memories."""
     spec = lattice.specification(formula, STEPS)

@@ -136,8 +136,14 @@ class Operator(Leaf):
 
     def __init__(self, count: int, start: int, stop: int, initial: Ends, flipped: bool) -> None:
         super().__init__(start, stop, flipped)
-        self.initial = initial
-        self.ends: Ends = np.full(count, initial[0]), np.full(count, initial[1])
+        self.count, self._kept = count, list[tuple[Floats, float]]()
+        self.ends: Ends = self.kept(initial[0]), self.kept(initial[1])
+
+    def kept(self, initial: float) -> Floats:
+        """A number of each trace, which a restart sets back."""
+        values = np.full(self.count, initial)
+        self._kept.append((values, initial))
+        return values
 
     def read(self, now: Steps, samples: Floats) -> Any:
         """What `take` needs of the next samples (n, k): changes nothing, and raises UndefinedError with the trace."""
@@ -147,8 +153,8 @@ class Operator(Leaf):
         raise NotImplementedError
 
     def restart(self, which: Which) -> None:
-        for end, value in zip(self.ends, self.initial, strict=True):
-            end[which] = value
+        for values, initial in self._kept:
+            values[which] = initial
 
     def within(self, now: Steps) -> Mask:
         mask: Mask = (now >= self.start) & (now <= self.stop)
@@ -163,7 +169,7 @@ class Until(Operator):
         initial = (-np.inf, np.inf) if left else right.unknown
         super().__init__(count, 0 if left else self.a, stop, initial, flipped)
         self.left, self.right = left, right
-        self.best, self.guard = np.full(count, -np.inf), np.full(count, np.inf)
+        self.best, self.guard = self.kept(-np.inf), self.kept(np.inf)
 
     def read(self, now: Steps, samples: Floats) -> tuple[Floats | None, Floats]:
         within = self.within(now)
@@ -186,10 +192,6 @@ class Until(Operator):
             ahead = np.minimum(self.guard, np.where(now >= self.a - 1, right, min(left, right)))
             np.maximum(self.best, np.where(before, ahead, -np.inf), out=end, where=active)
 
-    def restart(self, which: Which) -> None:
-        super().restart(which)
-        self.best[which], self.guard[which] = -np.inf, np.inf
-
 
 class Nested(Operator):
     def __init__(self, count: int, psi: Pointwise, outer: Interval, inner: Interval, flipped: bool) -> None:
@@ -197,7 +199,7 @@ class Nested(Operator):
         super().__init__(count, a + d, c + e, psi.unknown, flipped)
         self.psi, self.first, self.last = psi, a + e, c + d
         self.window = SlidingLeast(count, e - d + 1)
-        self.best, self.open = np.full(count, -np.inf), np.full(count, np.inf)
+        self.best, self.open = self.kept(-np.inf), self.kept(np.inf)
 
     def read(self, now: Steps, samples: Floats) -> Floats:
         return np.asarray(self.psi.value(samples, self.within(now)))
@@ -210,10 +212,6 @@ class Nested(Operator):
         for end, unknown in zip(self.ends, self.psi.unknown, strict=True):
             ahead = np.where(now < self.stop, np.minimum(self.open, unknown), -np.inf)
             np.maximum(self.best, ahead, out=end, where=active)
-
-    def restart(self, which: Which) -> None:
-        super().restart(which)
-        self.best[which], self.open[which] = -np.inf, np.inf
 
 
 class SlidingLeast:
@@ -246,8 +244,9 @@ class Replayed(Operator):
     def __init__(self, count: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
         self.until = Unfolding(formula, names)
         super().__init__(count, 0, self.until.last, (-np.inf, np.inf), self.until.flipped is not negated)
-        self.samples, state = Recent(count, len(names)), self.until.begin(count)
-        self.state = state._replace(before={node: np.empty(count) for node in self.until.carried})
+        self.samples = Recent(count, len(names))
+        before = {node: np.empty(count) for node in self.until.carried}
+        self.state = State(self.kept(-np.inf), self.kept(np.inf), before)
 
     def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Known]]:
         rows, known = np.flatnonzero(self.within(now)), list[tuple[Steps, Known]]()
@@ -270,10 +269,6 @@ class Replayed(Operator):
             self.state.best[same], self.state.guard[same] = known.state.best, known.state.guard
             for node, values in known.state.before.items():
                 self.state.before[node][same] = values
-
-    def restart(self, which: Which) -> None:
-        super().restart(which)
-        self.state.best[which], self.state.guard[which] = -np.inf, np.inf
 
 
 def many(count: int) -> Kit[Operator]:

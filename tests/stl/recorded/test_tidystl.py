@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stlbench.stl import Always, And, Eventually, Formula, Not, Or, Until, horizon, parse, robustness
+from stlbench.stl.language.structure import operands_of
 
 tidystl: Any = pytest.importorskip("tidystl")
 tidystl.use(importlib.import_module("tidystl_compat"))
@@ -54,17 +55,8 @@ def told(tool: str, formula: Formula, traces: Traces) -> Traces:
 
 def rewritten(formula: Formula, by: Callable[[Formula], Formula]) -> Formula:
     """The formula with each node, from the leaves up, given to `by`."""
-    match formula:
-        case Not(arg):
-            return by(Not(rewritten(arg, by)))
-        case And(args) | Or(args):
-            return by(type(formula)(tuple(rewritten(arg, by) for arg in args)))
-        case Always(a, b, arg) | Eventually(a, b, arg):
-            return by(type(formula)(a, b, rewritten(arg, by)))
-        case Until(a, b, left, right):
-            return by(Until(a, b, rewritten(left, by), rewritten(right, by)))
-        case _:
-            return formula
+    operands = operands_of(formula)
+    return by(formula.with_operands([rewritten(part, by) for part in operands])) if operands else formula  # type: ignore[arg-type]
 
 
 def inclusive(node: Formula) -> Formula:
