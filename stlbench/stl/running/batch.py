@@ -245,7 +245,7 @@ class Replayed(Operator):
         self.until = Unfolding(formula, names)
         super().__init__(count, 0, self.until.last, (-np.inf, np.inf), self.until.flipped is not negated)
         self.samples = Recent(count, len(names))
-        before = {node: np.empty(count) for node in self.until.carried}
+        before: dict[Formula, Floats] = {node: np.empty(count) for node in self.until.carried}
         self.state = State(self.kept(-np.inf), self.kept(np.inf), before)
 
     def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Known]]:
