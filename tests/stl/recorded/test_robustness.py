@@ -168,6 +168,7 @@ def test_one_step_at_least_is_needed() -> None:
     with pytest.raises(stl.ShortTraceError, match="needs 6 samples, got 5"):
         stl.robustness(stl.parse("G F[0,5] x >= 0"), ENDING, ["x"])
     assert stl.robustness(stl.parse("G F[0,4] x >= 0"), ENDING, ["x"]) == 4
+    assert stl.robustness(stl.parse("x >= 9 U x >= 1"), ENDING[:1], ["x"]) == 2
 
 
 def test_short_trace_is_an_error() -> None:
