@@ -137,7 +137,7 @@ def draw(
     from stlbench.registry import suites
     from stlbench.report.figures.files import save
     from stlbench.report.figures.trajectories import trajectories
-    from stlbench.rollout.held import replay
+    from stlbench.rollout.controller import replay
     from stlbench.rollout.traces import Recording
     from stlbench.task import load_task
 

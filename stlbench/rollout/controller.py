@@ -41,6 +41,18 @@ def score(task: Task) -> Score | None:
     return None if episodes is None else referee.score(task, episodes.traces, lasted=episodes.lasted)
 
 
+def replay(task: Task, actions: Integers | Array, begun: Array | None = None) -> Episodes:
+    """The episodes under these actions, one for each decision.
+
+    Args:
+        task: whose actions are held.
+        actions: indices of the grid (starts, decisions), or vectors (starts, decisions, axes).
+        begun: the starts (N, s); the report's where left out.
+    """
+    begun, hold = task.starts.report_and_selection()[0] if begun is None else begun, task.file.hold
+    return referee.simulate(task, Unpaid(task.specification), lambda at: actions[:, int(at.t[0]) // hold], begun)
+
+
 class Unpaid(RewardMethod):
     """No reward and no memory: a controller needs neither."""
 

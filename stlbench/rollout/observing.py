@@ -49,10 +49,6 @@ def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observat
     return replace(shown, size=size_without(task) - 1, names=names)
 
 
-def observation_size(task: Task, method: RewardMethod) -> int:
-    return size_without(task) + method.input_size
-
-
 def size_without(task: Task) -> int:
     """The number of features, and the time. It starts no method, as some import a compiler."""
     world = make_world(task, 1)

@@ -102,14 +102,6 @@ def score(task: Task, traces: Array, formula: stl.Formula | None = None, *, last
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """One protocol, ready: the formula in steps and where policies start."""
-
-    formula: stl.Formula
-    starts: Array
-
-
-@dataclass(frozen=True)
 class _Crowd(Policy):
     """Several policies as one: each acts for its equal share of the copies."""
 
@@ -149,22 +141,19 @@ class Referee:
     def __init__(self, task: Task, method: RewardMethod, random_starts: int = 0) -> None:
         self.task, self.method = task, method
         reported, self._selection = task.starts.report_and_selection()
-        self._protocols = {MAIN: Evaluation(task.formula, reported)}
+        self._protocols = {MAIN: (task.formula, reported)}  # the formula in steps, and where policies start
         if random_starts:
-            self._protocols[RANDOM] = Evaluation(task.formula, task.starts.at_random(random_starts))
+            self._protocols[RANDOM] = task.formula, task.starts.at_random(random_starts)
         for name, protocol in task.file.protocols.items():
-            formula = protocol.formula or task.formula
-            self._protocols[name] = Evaluation(formula, task.starts.of_protocol(protocol))
+            self._protocols[name] = protocol.formula or task.formula, task.starts.of_protocol(protocol)
 
     def select(self, policy: Policy | StatePolicy) -> tuple[float, float]:
         """Satisfaction and mean robustness from the starts for selection, which share no state with the report's."""
-        satisfied, robustness = self._verdicts([policy], self._selection)
-        return float(satisfied.mean()), float(robustness.mean())
+        return self._means(policy, self._selection)
 
     def glance(self, policy: Policy | StatePolicy) -> tuple[float, float]:
         """As `select`, from a few of these starts: only for a user who watches a training."""
-        satisfied, robustness = self._verdicts([policy], self._selection[:: max(1, len(self._selection) // _FEW)])
-        return float(satisfied.mean()), float(robustness.mean())
+        return self._means(policy, self._selection[:: max(1, len(self._selection) // _FEW)])
 
     def choose(self, policies: Sequence[Policy | StatePolicy], most: int | None = None) -> Race:
         """The best of the checkpoints (K,), by a race on the starts for selection, or on the first `most` of them.
@@ -178,11 +167,15 @@ class Referee:
             return self._verdicts([policies[i] for i in which], begun[part])
 
         result = race(play, len(policies), len(begun))
-        if result.starts[result.best] < len(begun):
-            satisfied, robustness = self._verdicts([policies[result.best]], begun)
-            result.satisfaction[result.best], result.robustness_mean[result.best] = satisfied.mean(), robustness.mean()
-            result.starts[result.best] = len(begun)
+        best = result.best
+        if result.starts[best] < len(begun):
+            result.satisfaction[best], result.robustness_mean[best] = self._means(policies[best], begun)
+            result.starts[best] = len(begun)
         return result
+
+    def _means(self, policy: Policy | StatePolicy, states: Array) -> tuple[float, float]:
+        satisfied, robustness = self._verdicts([policy], states)
+        return float(satisfied.mean()), float(robustness.mean())
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness (k, n) of each of k policies from each of n starts."""
@@ -198,15 +191,14 @@ class Referee:
 
     def assess(self, policy: Policy | StatePolicy) -> Assessment:
         """The scores of all protocols, from the report's starts."""
-        visited, evaluations = list[Array](), self._protocols.values()
-        counts = np.cumsum([len(evaluation.starts) for evaluation in evaluations])
-        begun = np.concatenate([evaluation.starts for evaluation in evaluations])
-        episodes = record(self.task, self.method, policy, begun, visited)
-        traces, lasted = np.split(episodes.traces, counts[:-1]), np.split(episodes.lasted, counts[:-1])
-        scores = {
-            name: score(self.task, part, evaluation.formula, lasted=steps)
-            for (name, evaluation), part, steps in zip(self._protocols.items(), traces, lasted, strict=True)
-        }
+        visited, begun = list[Array](), [starts for _, starts in self._protocols.values()]
+        episodes = record(self.task, self.method, policy, np.concatenate(begun), visited)
+        scores, first = dict[str, Score](), 0
+        for name, (formula, starts) in self._protocols.items():
+            part = slice(first, first + len(starts))
+            first = part.stop
+            scores[name] = score(self.task, episodes.traces[part], formula, lasted=episodes.lasted[part])
         if RANDOM in scores:
             scores[RANDOM] = scores[RANDOM].summarised()
-        return Assessment(scores, traces[0], np.stack(visited, axis=1)[: counts[0]])
+        reported = len(begun[0])
+        return Assessment(scores, episodes.traces[:reported], np.stack(visited, axis=1)[:reported])

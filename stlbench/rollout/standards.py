@@ -116,13 +116,10 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     tasks = [task for task in by_task if about(task) in facts]
     scores: list[Question[Any]] = [question(task) for task in tasks for question in _OF_SCORES]
     answered = answers(scores, ask)
-    alike = _alike(answers([question for task in tasks for question in _payments(by_task[task])], ask))
-    return {task.name: _standard(task, facts[about(task)], answered, alike) for task in tasks}
+    return {task.name: _standard(task, facts[about(task)], answered, _alike(by_task[task], ask)) for task in tasks}
 
 
-def _standard(
-    task: Choice, facts: Known, answered: Mapping[Any, Any], alike: Mapping[str, Mapping[_Pair, Likeness]]
-) -> Standard:
+def _standard(task: Choice, facts: Known, answered: Mapping[Any, Any], alike: Mapping[_Pair, Likeness]) -> Standard:
     constants: baselines.Constants | None = answered.get(constant_actions(task))
     return Standard(
         by_hand=answered.get(by_hand(task)),
@@ -133,7 +130,7 @@ def _standard(
         zero=constants.zero if constants else None,
         constant=constants.best if constants else None,
         trivial=constants.trivial if constants else False,
-        alike=alike.get(task.name, {}),
+        alike=alike,
     )
 
 
@@ -145,23 +142,12 @@ def differences(
     return equal_payments({question.arguments[2]: paid for question, paid in answers(questions, ask).items()})
 
 
-def _payments(members: Iterable[Setting]) -> list[Question[Paid | None]]:
-    """One question for each of several methods with which a task or an ablation is trained on a track."""
-    kinds = dict[tuple[Choice, Track], set[str]]()
-    for setting in members:
+def _alike(settings: Iterable[Setting], ask: Ask) -> dict[_Pair, Likeness]:
+    """Which methods pay the same, where several of them train a task or an ablation of it on one track."""
+    kinds, alike = dict[tuple[Choice, Track], set[str]](), dict[_Pair, Likeness]()
+    for setting in settings:
         kinds.setdefault((setting.task, setting.track), set()).add(str(setting.method))
-    several = {kind: methods for kind, methods in kinds.items() if len(methods) > 1}
-    return [payment(*kind, method) for kind, methods in several.items() for method in sorted(methods)]
-
-
-def _alike(paid: Mapping[Question[Paid | None], Paid | None]) -> dict[str, dict[_Pair, Likeness]]:
-    by_kind = dict[tuple[Choice, Track], dict[str, Paid | None]]()
-    for question, answer in paid.items():
-        task, track, method = question.arguments
-        by_kind.setdefault((task, track), {})[method] = answer
-    by_task = dict[str, dict[_Pair, Likeness]]()
-    for (task, track), payments_of in by_kind.items():
-        for each in equal_payments(payments_of):
-            pair = task, track, frozenset((each.one, each.other))
-            by_task.setdefault(task.name, {})[pair] = "~" if each.constant is None else "="
-    return by_task
+    for (task, track), methods in kinds.items():
+        for each in differences(task, sorted(methods), ask, track) if len(methods) > 1 else ():
+            alike[task, track, frozenset((each.one, each.other))] = "~" if each.constant is None else "="
+    return alike

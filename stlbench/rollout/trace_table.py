@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -84,42 +84,34 @@ def read_table(path: Path) -> TraceTable:
         header, _, _ = text.partition("\n")
         delimiter = max(_DELIMITERS, key=header.count)
         lines = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
-        rows = list(lines)
+        first, *rows = [*lines] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"cannot read {source}: {error}") from error
-    try:
-        return _table(source, rows, _DELIMITERS[delimiter])
-    except UsageError as error:
-        raise UsageError(f"{source}: {error}") from None
-
-
-def _table(source: str, rows: list[list[str]], delimiter: str) -> TraceTable:
     while rows and not rows[-1]:
         rows.pop()
-    if not rows:
-        raise UsageError("the file is empty; its first row must name the signals")
-    names = _names(rows[0])
-    for number, row in enumerate(rows[1:], 2):
-        if len(row) != len(names):
-            separated = "" if delimiter == "commas" else f" (separated by {delimiter}, as the header is)"
-            raise UsageError(f"row {number} has {len(row)} values, the header names {len(names)} signals{separated}")
-    if not rows[1:]:
-        raise UsageError("there is no row below the header")
-    return TraceTable(source, names, rows[1:], delimiter)
+    table = TraceTable(source, tuple(name.strip() for name in first), rows, _DELIMITERS[delimiter])
+    for problem in _problems(table):
+        raise UsageError(f"{source}: {problem}")
+    return table
 
 
-def _names(header: list[str]) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in header)
+def _problems(table: TraceTable) -> Iterator[str]:
+    names, separated = table.names, table.delimiter
     if not any(names):
-        raise UsageError("the file is empty; its first row must name the signals")
+        yield "the file is empty; its first row must name the signals"
     if all(_number(name) is not None for name in names):
-        raise UsageError(f"the first row must name the signals, got the numbers {', '.join(names)}")
+        yield f"the first row must name the signals, got the numbers {', '.join(names)}"
     for column, name in enumerate(names, 1):
         if not name:
-            raise UsageError(f"column {column} has no name in the header")
+            yield f"column {column} has no name in the header"
         if name in names[: column - 1]:
-            raise UsageError(f"the header names '{name}' twice")
-    return names
+            yield f"the header names '{name}' twice"
+    hint = "" if separated == "commas" else f" (separated by {separated}, as the header is)"
+    for number, row in enumerate(table.rows, 2):
+        if len(row) != len(names):
+            yield f"row {number} has {len(row)} values, the header names {len(names)} signals{hint}"
+    if not table.rows:
+        yield "there is no row below the header"
 
 
 def _is_missing(text: str) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
 from stlbench.rollout.early_ends import judge
-from stlbench.rollout.held import replay
+from stlbench.rollout.controller import replay
 from stlbench.task import Task
 
 _COPIES, _ELITE = 32, 6

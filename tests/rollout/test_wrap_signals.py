@@ -9,7 +9,7 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
 from stlbench.errors import UsageError
-from stlbench.rollout.gymnasium.readers import ExpressionReader, FunctionReader
+from stlbench.rollout.gymnasium.readers import Reader
 from stlbench.task.gym_signals import Expressions
 from stlbench.task.gym_spaces import entries_of
 
@@ -42,8 +42,12 @@ def test_names_that_do_not_fit(space: Any, names: Any, message: str) -> None:
         entries_of(space, names)
 
 
+def over_the_line(texts: dict[str, str]) -> Reader:
+    return Reader(Expressions(texts, entries_of(LINE, ("x", "y"))), tuple(texts), LINE)
+
+
 def test_expressions_over_observation_and_info() -> None:
-    reader = ExpressionReader(Expressions({"angle": "atan2(y, x)", "height": "z - 0.5"}, entries_of(LINE, ("x", "y"))))
+    reader = over_the_line({"angle": "atan2(y, x)", "height": "z - 0.5"})
     found = reader.one(np.array([0.0, 2.0]), {"z": np.float32(1.5)}, 0)
     np.testing.assert_allclose(found, [[np.pi / 2, 1.0]])
     infos = {"z": np.array([1.5, 0.5]), "_z": np.array([True, True])}
@@ -64,7 +68,7 @@ def test_expressions_over_observation_and_info() -> None:
     ],
 )
 def test_expressions_without_a_value(text: str, info: dict[str, Any], message: str) -> None:
-    reader = ExpressionReader(Expressions({"s": text}, entries_of(LINE, ("x", "y"))))
+    reader = over_the_line({"s": text})
     with pytest.raises(UsageError, match=message):
         reader.one(np.array([-1.0, 0.0]), info, 3)
 
@@ -95,11 +99,11 @@ def test_expressions_that_are_none(text: Any, message: str) -> None:
     ],
 )
 def test_a_function_that_returns_something_else(returned: Any, message: str) -> None:
-    reader = FunctionReader(lambda observation, info: returned, ("a", "b"), LINE)
+    reader = Reader(lambda observation, info: returned, ("a", "b"), LINE)
     with pytest.raises(UsageError, match=message):
         reader.one(np.zeros(2), {}, 3)
 
 
 def test_a_function_may_return_signals_in_any_order() -> None:
-    reader = FunctionReader(lambda observation, info: {"b": 2, "a": observation[0]}, ("a", "b"), LINE)
+    reader = Reader(lambda observation, info: {"b": 2, "a": observation[0]}, ("a", "b"), LINE)
     assert reader.one(np.array([1.0, 0.0]), {}, 0).tolist() == [[1.0, 2.0]]

@@ -14,7 +14,7 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.rollout import baselines, referee
 from stlbench.rollout.auto import automatic
-from stlbench.rollout.held import replay
+from stlbench.rollout.controller import replay
 from stlbench.task import Task, fitting_methods, load_task
 from stlbench.task.task import agent_for
 from stlbench_tasks.suite import FormulaSuite, templates

@@ -31,33 +31,33 @@ Info = dict[str, Any]
 class _Copies:
     """N copies of a task under one clock, in Gymnasium's types: what both kinds of environment have in common."""
 
-    def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
+    metadata: Info
+    render_mode: str | None
+
+    def _make(self, task: str, method: str, scaled: bool, render_mode: str | None) -> tuple[Box, Discrete | Box]:
+        """Load the task and build the method. Returns the observation space and the action space of one copy."""
         self.task = load_task(task)
         undrawn = _undrawn(self.task)
+        modes = [] if undrawn else ["rgb_array"]
         decisions_per_second = 1 / (self.task.file.sampling_time * self.task.file.hold)
-        self.metadata: Info = {
-            "render_modes": [] if undrawn else ["rgb_array"],
-            "render_fps": max(1, round(decisions_per_second)),
-        }
-        self.render_mode = render_mode if render_mode in self.metadata["render_modes"] else None
+        self.metadata = type(self).metadata | {"render_modes": modes, "render_fps": max(1, round(decisions_per_second))}
+        self.render_mode = render_mode if render_mode in modes else None
         if render_mode != self.render_mode:
-            modes = f"nothing, as {undrawn}" if undrawn else "rgb_array alone"
-            gymnasium.logger.warn(f"task {task} renders {modes}; render_mode is None, in place of {render_mode!r}")
+            there = f"nothing, as {undrawn}" if undrawn else "rgb_array alone"
+            gymnasium.logger.warn(f"task {task} renders {there}; render_mode is None, in place of {render_mode!r}")
         self.method = build_method(self.task, method)
         self._simulator = Simulator(self.task, self.method, drawn=self.render_mode is not None)
         self._scale = self.method.scale if scaled else 1.0
         self._running = False
         example = self._simulator.reset(self._draw(np.random.default_rng(0)))
-        self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
-        observation_of(self.task, self.method, str(choice_of(method))).save_in(self.observation_space)
+        space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
+        observation_of(self.task, self.method, str(choice_of(method))).save_in(space)
         actions = self.task.actions
-        self.action_space: Discrete | Box = (
-            Discrete(actions.size)
-            if isinstance(actions, ActionGrid)
-            else Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
-        )
+        if isinstance(actions, ActionGrid):
+            return space, Discrete(actions.size)
+        return space, Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
 
-    def reset(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
+    def _start(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
         """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
         unknown = dict(options or {})
         state = unknown.pop("state", None)
@@ -72,24 +72,23 @@ class _Copies:
         self._running = True
         return observation.astype(np.float32), self._info(self._simulator.signals[:, None].copy())
 
-    def advance(self, action: NDArray[Any]) -> tuple[Single, Array, bool, Info]:
+    def _advance(self, action: NDArray[Any]) -> tuple[Single, Array, bool, Info]:
         """Hold the actions (N,) or (N, axes): observations (N, D), rewards (N,), the end, signals."""
         if not self._running:
             raise ResetNeeded("call reset() first: no episode is running")
-        simulator, before = self._simulator, self._before()
+        simulator, before = self._simulator, self._over()
         reward, samples = simulator.advance(action)
         if simulator.world.can_end:
             ends = EarlyEnds(self.method, self.task.file.terminated)
             reward = ends.standing_still(reward, before, simulator.world.ended, simulator.t, simulator.hold)
-        over = bool(self._simulator.t[0] >= self._simulator.horizon)
-        self._running = not over
-        return self._simulator.observe().astype(np.float32), reward / self._scale, over, self._info(samples)
+        at_end = bool(simulator.t[0] >= simulator.horizon)
+        self._running = not at_end
+        return simulator.observe().astype(np.float32), reward / self._scale, at_end, self._info(samples)
 
-    def pictures(self) -> tuple[Pixels, ...] | None:
-        """Each copy's state as a picture (height, width, 3); None without a render mode."""
+    def _pictures(self) -> tuple[Pixels, ...] | None:
         return None if self.render_mode is None else self._simulator.world.frames()
 
-    def _before(self) -> Booleans:
+    def _over(self) -> Booleans:
         """Which copies (N,) have ended already, or are over for the method."""
         simulator = self._simulator
         ended = simulator.world.ended.copy()
@@ -119,7 +118,13 @@ def _undrawn(task: Task) -> str:
     return "" if isinstance(task.dynamics, Drawn) else "the task has no picture of itself"
 
 
-class StlEnv(gymnasium.Env[Single, Any]):
+def _kind(space: Discrete | Box) -> str:
+    if isinstance(space, Discrete):
+        return f"an index in 0..{space.n - 1}"
+    return f"a vector between {space.low.tolist()} and {space.high.tolist()}"
+
+
+class StlEnv(_Copies, gymnasium.Env[Single, Any]):
     """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it."""
 
     metadata: Info = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - declared so by Gymnasium; a copy knows its own
@@ -131,17 +136,14 @@ class StlEnv(gymnasium.Env[Single, Any]):
             task: its name; the environment's id says it.
             method: a reward method with or without parameters, "funnel" or "flag[beta=10]".
             scaled: divide rewards by the method's `scale`, as training in stlbench does.
-            render_mode: "rgb_array" or None. Where a task has no picture of itself, None stands in its place, with a
-                warning, so that libraries which always ask for pictures can train on it.
+            render_mode: "rgb_array" or None. A task without a picture of itself takes None instead, with a warning, so
+                that libraries which always ask for pictures can train on it.
 
         Raises:
             UsageError: no such method, or a wrong parameter; the message says what there is.
             Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
         """
-        self._copies = _Copies(task, method, scaled, render_mode)
-        self.task, self.method = self._copies.task, self._copies.method
-        self.metadata, self.render_mode = self._copies.metadata, self._copies.render_mode
-        self.observation_space, self.action_space = self._copies.observation_space, self._copies.action_space
+        self.observation_space, self.action_space = self._make(task, method, scaled, render_mode)
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
         """Start an episode, from a state that `seed` determines or from `options={"state": [...]}`.
@@ -150,7 +152,7 @@ class StlEnv(gymnasium.Env[Single, Any]):
             The observation (D,); and an info with `signals` (1, k), the trace's first sample, and `t`, 0.
         """
         super().reset(seed=seed)
-        observation, info = self._copies.reset([self.np_random], options)
+        observation, info = self._start([self.np_random], options)
         return observation[0], _first(info)
 
     def step(self, action: np.int64 | NDArray[np.floating]) -> tuple[Single, float, bool, bool, Info]:
@@ -161,30 +163,24 @@ class StlEnv(gymnasium.Env[Single, Any]):
             (hold, k), the samples after each step, and `t`, the time of the last of them in steps.
         """
         if not self.action_space.contains(action):
-            raise InvalidAction(f"an action is {_kind(self._copies.action_space)}, got {action!r}")
-        observation, reward, over, info = self._copies.advance(np.asarray(action)[None])
-        return observation[0], float(reward[0]), False, over, _first(info)
+            raise InvalidAction(f"an action is {_kind(self.action_space)}, got {action!r}")
+        observation, reward, at_end, info = self._advance(np.asarray(action)[None])
+        return observation[0], float(reward[0]), False, at_end, _first(info)
 
     def render(self) -> Pixels | None:
         """A picture (height, width, 3) of the current state; None without a render mode.
 
         Raises `RuntimeError`, in one line, where this machine lacks what it takes to draw.
         """
-        pictures = self._copies.pictures()
+        pictures = self._pictures()
         return None if pictures is None else pictures[0]
-
-
-def _kind(space: Discrete | Box) -> str:
-    if isinstance(space, Discrete):
-        return f"an index in 0..{space.n - 1}"
-    return f"a vector between {space.low.tolist()} and {space.high.tolist()}"
 
 
 def _first(info: Info) -> Info:
     return {"signals": info["signals"][0], "t": int(info["t"][0])}
 
 
-class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
+class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
     """N copies in lock-step, computed at once. They share the clock, so all episodes end at the same step.
 
     They do what N copies of `StlEnv` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do, number
@@ -201,13 +197,9 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
     ) -> None:
         if num_envs < 1:
             raise UsageError(f"num_envs must be at least 1, got {num_envs}")
-        self._copies = _Copies(task, method, scaled, render_mode)
-        self.task, self.method, self.num_envs = self._copies.task, self._copies.method, num_envs
-        self.metadata, self.render_mode = type(self).metadata | self._copies.metadata, self._copies.render_mode
-        self.single_observation_space = self._copies.observation_space
-        self.single_action_space = self._copies.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.num_envs, spaces = num_envs, self._make(task, method, scaled, render_mode)
+        self.single_observation_space, self.single_action_space = spaces
+        self.observation_space, self.action_space = (batch_space(space, num_envs) for space in spaces)
         self._generators: list[np.random.Generator] = []
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
@@ -222,7 +214,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         if seed is not None or not self._generators:
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
             self._generators = [seeding.np_random(each)[0] for each in seeds]
-        observation, info = self._copies.reset(self._generators, options)
+        observation, info = self._start(self._generators, options)
         return observation, self._masked(info)
 
     def step(self, actions: Integers | NDArray[np.floating]) -> tuple[Single, Array, Booleans, Booleans, Info]:
@@ -234,25 +226,20 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
             episode, and the last ones of the old are in the info as `final_obs` and `final_info`.
         """
         if not self.action_space.contains(actions):
-            raise InvalidAction(f"{self.num_envs} actions, each {_kind(self._copies.action_space)}, got {actions!r}")
-        observation, reward, over, info = self._copies.advance(np.asarray(actions))
-        if over:
-            last = {"final_obs": _objects(observation), "final_info": self._masked(info)}
-            observation, info = self._copies.reset(self._generators, None)
+            raise InvalidAction(f"{self.num_envs} actions, each {_kind(self.single_action_space)}, got {actions!r}")
+        observation, reward, at_end, info = self._advance(np.asarray(actions))
+        if at_end:
+            final_obs = np.empty(self.num_envs, dtype=object)  # (N,), each a vector (D,), as Gymnasium gives them
+            final_obs[:] = list(observation)
+            last = {"final_obs": final_obs, "final_info": self._masked(info)}
+            observation, info = self._start(self._generators, None)
             info |= last
-        info = self._masked(info)
-        return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, over), info
+        none, all_ = np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, at_end)
+        return observation, reward, none, all_, self._masked(info)
 
     def render(self) -> tuple[Pixels, ...] | None:
-        return self._copies.pictures()
+        return self._pictures()
 
     def _masked(self, info: Info) -> Info:
         """Gymnasium wants a mask with each value: which copies have it. Here all have it."""
         return info | {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in info}
-
-
-def _objects(rows: Single) -> NDArray[np.object_]:
-    """(N, D) -> (N,), each a vector (D,), as Gymnasium gives final observations."""
-    objects = np.empty(len(rows), dtype=object)
-    objects[:] = list(rows)
-    return objects

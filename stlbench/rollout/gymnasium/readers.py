@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,68 +17,46 @@ SignalsOf: TypeAlias = Callable[[Any, dict[str, Any]], Mapping[str, float]]
 """A user's function: observation and info of one environment to name -> number."""
 
 
-class Reader(ABC):
+class Reader:
     """Reads k signals, in the order of `names`. A message about a bad one says at which step, and of which copy."""
 
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self.names = names
+    def __init__(self, signals: SignalsOf | Expressions, names: tuple[str, ...], space: Space[Any]) -> None:
+        """Args: `space` that of the observations, of a vector environment the batched one."""
+        self.names, self._signals, self._space = names, signals, space
 
     def one(self, observation: Any, info: dict[str, Any], t: int, copy: int | None = None) -> Array:
         """The signals (1, k) of one environment at step t. `copy` is its number in a vector environment."""
-        places = [place(t, copy)]
-        return self._finite(self._one(observation, info, places), places)
+        return self._read([observation], observation, [info], [place(t, copy)])
 
     def many(self, observations: Any, infos: dict[str, Any], t: Integers) -> Array:
         """The signals (N, k) of a vector environment whose copies are at steps t (N,)."""
         places = [place(step, copy) for copy, step in enumerate(t.tolist())]
-        return self._finite(self._many(observations, [row_of(infos, copy) for copy in range(len(t))], places), places)
+        rows = [row_of(infos, copy) for copy in range(len(t))]
+        return self._read(iterate(self._space, observations), observations, rows, places)
 
-    @abstractmethod
-    def _one(self, observation: Any, info: dict[str, Any], places: list[str]) -> Array: ...
-
-    @abstractmethod
-    def _many(self, observations: Any, infos: list[dict[str, Any]], places: list[str]) -> Array: ...
-
-    def _finite(self, signals: Array, places: Sequence[str]) -> Array:
+    def _read(self, each: Iterable[Any], together: Any, infos: list[dict[str, Any]], places: list[str]) -> Array:
+        """The signals of observations, which are given one by one for a function and together for expressions."""
+        if isinstance(self._signals, Expressions):
+            signals = self._signals.values(self._signals.entries.read(together, len(infos)), infos, places)
+        else:
+            samples = zip(each, infos, places, strict=True)
+            signals = np.array([self._returned(self._signals(row, info), where) for row, info, where in samples])
         if not np.isfinite(signals).all():
             row, column = np.argwhere(~np.isfinite(signals))[0]
             raise UsageError(f"signals: {self.names[column]} is {signals[row, column]} {places[row]}")
         return signals
 
-
-class FunctionReader(Reader):
-    def __init__(self, function: SignalsOf, names: tuple[str, ...], space: Space[Any]) -> None:
-        super().__init__(names)
-        self._function, self._space = function, space
-
-    def _one(self, observation: Any, info: dict[str, Any], places: list[str]) -> Array:
-        given, where = self._function(observation, info), places[0]
+    def _returned(self, given: Any, where: str) -> list[float]:
+        """What the user's function returned, in order."""
         if not isinstance(given, Mapping):
             raise UsageError(f"signals: expected name -> number {where}, got {given!r}")
         if given.keys() != set(self.names):
             rule = f"ranges has {', '.join(self.names)}"
             raise UsageError(f"signals: the function returned {', '.join(map(str, given))} {where}; {rule}")
         try:
-            return np.array([[float(given[name]) for name in self.names]])
+            return [float(given[name]) for name in self.names]
         except (TypeError, ValueError) as error:
             raise UsageError(f"signals: the function returned no numbers {where}: {error}") from error
-
-    def _many(self, observations: Any, infos: list[dict[str, Any]], places: list[str]) -> Array:
-        each = zip(iterate(self._space, observations), infos, places, strict=True)
-        return np.concatenate([self._one(row, info, [where]) for row, info, where in each])
-
-
-class ExpressionReader(Reader):
-    def __init__(self, expressions: Expressions) -> None:
-        super().__init__(expressions.names)
-        self._expressions = expressions
-
-    def _one(self, observation: Any, info: dict[str, Any], places: list[str]) -> Array:
-        return self._many(observation, [info], places)
-
-    def _many(self, observations: Any, infos: list[dict[str, Any]], places: list[str]) -> Array:
-        named = self._expressions.entries.read(observations, len(infos))
-        return self._expressions.values(named, infos, places)
 
 
 def place(t: int, copy: int | None) -> str:

@@ -71,7 +71,8 @@ def _make_method(method: MethodOf, specification: Specification) -> RewardMethod
     try:
         if isinstance(method, str):
             return cast(RewardMethod, plugins.build("methods", choice_of(method), specification))
-        made = None if not callable(method) or _no_method(method) else method(specification)
+        other = isinstance(method, type) and not issubclass(method, RewardMethod)
+        made = method(specification) if callable(method) and not other else None
     except (Intractable, Unsuitable) as error:
         name = method if isinstance(method, str) else getattr(method, "__name__", method)
         raise UsageError(f"method {name} does not fit: {error}") from error
@@ -86,10 +87,6 @@ def first_that_fits(specification: Specification) -> str:
     if not names:
         raise UsageError(f"method auto: no installed method fits the formula {specification.formula}")
     return names[0]
-
-
-def _no_method(made_by: object) -> bool:
-    return isinstance(made_by, type) and not issubclass(made_by, RewardMethod)
 
 
 def _ends(names: Sequence[str], ranges: Ranges) -> tuple[tuple[float, ...], tuple[float, ...]]:

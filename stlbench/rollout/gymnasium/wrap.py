@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from numbers import Real
-from typing import Any, get_args, overload
+from typing import Any, TypedDict, Unpack, get_args, overload
 
 import gymnasium
 import numpy as np
@@ -35,7 +35,7 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.observation import Observation
 from stlbench.registry.choices import choice_of
 from stlbench.rollout.gymnasium.joined import Observing
-from stlbench.rollout.gymnasium.readers import ExpressionReader, FunctionReader, Reader, SignalsOf
+from stlbench.rollout.gymnasium.readers import Reader, SignalsOf
 from stlbench.rollout.gymnasium.scoring import MethodOf, Ranges, Scoring, first_that_fits, specify
 from stlbench.rollout.gymnasium.wrappers import StlVectorWrapper, StlWrapper, autoreset_of
 from stlbench.task.file import EarlyEnd
@@ -45,37 +45,29 @@ from stlbench.task.gym_spaces import Entries, Names, entries_of
 __all__ = ["StlVectorWrapper", "StlWrapper", "wrap"]
 
 
+class _Options(TypedDict, total=False):
+    """The arguments of `wrap` that its overloads share, beside those that are required."""
+
+    signals: SignalsOf | Mapping[str, str] | None
+    names: Names | None
+    scale: Mapping[str, float] | None
+    steps: int | None
+    dt: float | None
+    scaled: bool
+    terminated: EarlyEnd
+    discount: float
+
+
+_Formula = str | stl.Formula
+
+
 @overload
 def wrap(
-    env: gymnasium.Env[Any, Any],
-    formula: str | stl.Formula,
-    *,
-    method: MethodOf,
-    ranges: Ranges,
-    signals: SignalsOf | Mapping[str, str] | None = ...,
-    names: Names | None = ...,
-    scale: Mapping[str, float] | None = ...,
-    steps: int | None = ...,
-    dt: float | None = ...,
-    scaled: bool = ...,
-    terminated: EarlyEnd = ...,
-    discount: float = ...,
+    env: gymnasium.Env[Any, Any], formula: _Formula, *, method: MethodOf, ranges: Ranges, **options: Unpack[_Options]
 ) -> StlWrapper: ...
 @overload
 def wrap(
-    env: VectorEnv[Any, Any, Any],
-    formula: str | stl.Formula,
-    *,
-    method: MethodOf,
-    ranges: Ranges,
-    signals: SignalsOf | Mapping[str, str] | None = ...,
-    names: Names | None = ...,
-    scale: Mapping[str, float] | None = ...,
-    steps: int | None = ...,
-    dt: float | None = ...,
-    scaled: bool = ...,
-    terminated: EarlyEnd = ...,
-    discount: float = ...,
+    env: VectorEnv[Any, Any, Any], formula: _Formula, *, method: MethodOf, ranges: Ranges, **options: Unpack[_Options]
 ) -> StlVectorWrapper: ...
 def wrap(
     env: gymnasium.Env[Any, Any] | VectorEnv[Any, Any, Any],
@@ -168,13 +160,12 @@ def _check(ranges: Ranges, terminated: str, discount: float) -> None:
 def _reader(
     signals: SignalsOf | Mapping[str, str] | None, ranges: Ranges, entries: Entries, space: Space[Any]
 ) -> Reader:
-    """What reads the signals. Args: `space` that of the observations, of a vector environment the batched one."""
     if callable(signals):
-        return FunctionReader(signals, tuple(ranges), space)
+        return Reader(signals, tuple(ranges), space)
     if signals is not None and not isinstance(signals, Mapping):
         raise UsageError(f"signals: expected a mapping, signal -> expression, or a function, got {signals!r}")
-    texts = {name: name for name in ranges} if signals is None else signals
-    return ExpressionReader(Expressions(texts, entries))
+    expressions = Expressions({name: name for name in ranges} if signals is None else signals, entries)
+    return Reader(expressions, expressions.names, space)
 
 
 def steps_of(env: gymnasium.Env[Any, Any], steps: int | None) -> int:
