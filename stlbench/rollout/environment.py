@@ -17,6 +17,7 @@ from stlbench.rollout.early_ends import EarlyEnds
 from stlbench.rollout.model import ends_of, first_end
 from stlbench.rollout.observing import features, scaled_times, time_and_inputs
 from stlbench.rollout.worlds import make_world
+from stlbench.task.starts import sample
 from stlbench.task.task import Task
 
 
@@ -218,7 +219,7 @@ class BatchEnvironment:
             begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:
                 drawn = chosen[~kept]
-                begun[drawn] = self.task.starts.of_exploring(self._generator, len(drawn))
+                begun[drawn] = self.task.system.initial_states(sample(exploring.states, self._generator, len(drawn)))
             if exploring.length is not None:
                 length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)

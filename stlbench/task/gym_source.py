@@ -18,7 +18,7 @@ from stlbench.task.file import Axis, Environment, TaskFile
 from stlbench.task.gym_joint import parallel
 from stlbench.task.gym_make import Gym, failed, made, modules, software
 from stlbench.task.gym_signals import Expressions
-from stlbench.task.gym_spaces import ActionAxis, Names, Observed, action_axes, entries_of
+from stlbench.task.gym_spaces import ActionAxis, Observed, action_axes, entries_of
 
 RenderMode: TypeAlias = Literal["rgb_array"] | None
 """Whether a copy renders pictures."""
@@ -33,18 +33,16 @@ class GymSource:
     def __init__(
         self,
         make: Callable[[RenderMode], Gym],
+        entry: Environment,
         texts: Mapping[str, str],
-        names: Names | None = None,
-        scale: Mapping[str, float] | None = None,
         signals: SignalsOf | None = None,
     ) -> None:
         """Makes one copy, to read its spaces.
 
         Args:
             make: makes a copy, without a time limit.
+            entry: of the task file, with the names and scales of the observation's entries.
             texts: signal -> expression over named entries of the observation and over entries of the info.
-            names: of the entries of the observation (`entries`).
-            scale: named entry -> about its largest magnitude, where its space has no ends.
             signals: in place of the expressions.
 
         Raises:
@@ -56,8 +54,8 @@ class GymSource:
         first = make(None)
         self._modes: Sequence[str] = first.metadata.get("render_modes") or ()
         self.action_space = first.action_space
-        self.entries = entries_of(first.observation_space, names)
-        self.observed = Observed(first.observation_space, self.entries, scale or {})
+        self.entries = entries_of(first.observation_space, entry.names)
+        self.observed = Observed(first.observation_space, self.entries, entry.scale)
         self.software, self.modules = software(first), modules(first)
         self.function = signals
         self.expressions = Expressions({} if signals else texts, self.entries)
@@ -103,7 +101,6 @@ class GymSource:
         self._idle[drawn] += copies
 
 
-_NONE = "there is no environment: give its id in task.yaml, or a class of GymTask with make()"
 _WITHOUT_ID = {"kwargs", "drawn", "api"}
 """Entries of `environment` without effect where a class makes it."""
 
@@ -114,34 +111,34 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
     Raises:
         UsageError: in one line, what cannot be made, or what of the file does not fit it.
     """
+    entry, kind = file.environment or Environment(), type(task)
+    texts = {name: signal.expression or name for name, signal in file.signals.items()}
     try:
-        source = _of_class(file, task) if _is_written(task) else _of_file(file)
+        if kind.make is GymTask.make and kind.signals is GymTask.signals:
+            source = _shared(entry.model_dump_json(), json.dumps(texts))
+        else:
+            source = _of_class(entry, task, texts)
         _check_actions(file.actions, source.axes)
     except UsageError as error:
         raise UsageError(f"task {name}: {error}") from error
     return source
 
 
-def _is_written(task: GymTask) -> bool:
-    kind = type(task)
-    return kind.make is not GymTask.make or kind.signals is not GymTask.signals
+@lru_cache(maxsize=8)
+def _shared(environment: str, texts: str) -> GymSource:
+    """By the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
+    entry = Environment.model_validate_json(environment)
+    return GymSource(partial(_by_id, entry), entry, json.loads(texts))
 
 
-def _of_class(file: TaskFile, task: GymTask) -> GymSource:
-    entry = file.environment or Environment()
+def _of_class(entry: Environment, task: GymTask, texts: Mapping[str, str]) -> GymSource:
     if entry.id is None and (idle := sorted(entry.model_fields_set & _WITHOUT_ID)):
         raise UsageError(f"environment.{idle[0]}: there is no id that it could go with; make() makes the environment")
     function = None if type(task).signals is GymTask.signals else task.signals
-    return GymSource(partial(_made, file, task), _expressions(file), entry.names, entry.scale, function)
+    return GymSource(partial(_made, entry, task), entry, texts, function)
 
 
-def _of_file(file: TaskFile) -> GymSource:
-    if file.environment is None or file.environment.id is None:
-        raise UsageError(_NONE)
-    return _of_text(file.environment.model_dump_json(), json.dumps(_expressions(file)))
-
-
-def _made(file: TaskFile, task: GymTask, render_mode: RenderMode) -> Gym:
+def _made(entry: Environment, task: GymTask, render_mode: RenderMode) -> Gym:
     maker = copy(task)
     maker.render_mode = render_mode
     try:
@@ -150,28 +147,14 @@ def _made(file: TaskFile, task: GymTask, render_mode: RenderMode) -> Gym:
         raise
     except Exception as error:
         raise failed("the environment", error) from error
-    if env is not None:
-        return env
-    if file.environment is None or file.environment.id is None:
-        raise UsageError(_NONE)
-    return _by_id(file.environment, render_mode)
+    return _by_id(entry, render_mode) if env is None else env
 
 
 def _by_id(entry: Environment, render_mode: RenderMode) -> Gym:
-    assert entry.id is not None
+    if entry.id is None:
+        raise UsageError("there is no environment: give its id in task.yaml, or a class of GymTask with make()")
     keywords = entry.kwargs if render_mode is None else entry.kwargs | entry.drawn | {"render_mode": render_mode}
     return (made if entry.api == "gymnasium" else parallel)(entry.id, keywords)
-
-
-def _expressions(file: TaskFile) -> dict[str, str]:
-    return {name: signal.expression or name for name, signal in file.signals.items()}
-
-
-@lru_cache(maxsize=8)
-def _of_text(environment: str, texts: str) -> GymSource:
-    """By the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
-    entry = Environment.model_validate_json(environment)
-    return GymSource(partial(_by_id, entry), json.loads(texts), entry.names, entry.scale)
 
 
 def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> None:

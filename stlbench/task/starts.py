@@ -6,7 +6,6 @@ states, drawn for training and laid out on a fixed grid for the referee; those o
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count as naturals
@@ -24,33 +23,9 @@ _REPORTED = 12031981
 """Seed of the report's random starts, and of nothing else."""
 
 
-class StartSets(ABC):
-    """The sets of starts of a task, each an array (count, s): states, s = n, or seeds, s = 1."""
-
-    @abstractmethod
-    def report_and_selection(self) -> tuple[Array, Array]:
-        """Those behind the main score of the report, and those on which checkpoints are selected."""
-
-    @abstractmethod
-    def at_random(self, count: int) -> Array:
-        """Those of the report's many random starts, the same for every method and seed of a task."""
-
-    @abstractmethod
-    def of_protocol(self, protocol: Protocol) -> Array:
-        """Those of a further protocol of the task file."""
-
-    @abstractmethod
-    def of_training(self, generator: np.random.Generator, count: int) -> Array:
-        """Where that many training episodes begin. All randomness is the generator's."""
-
-    def of_exploring(self, generator: np.random.Generator, count: int) -> Array:
-        """Where exploring episodes begin that begin elsewhere (`training.exploring.states`)."""
-        raise UsageError("training.exploring.states needs a system, whose state can be set")
-
-
 @dataclass(frozen=True)
-class StateStarts(StartSets):
-    """States of a system, from the regions of the task file."""
+class StateStarts:
+    """States of a system, from the regions of the task file. Each set of starts is an array (count, n)."""
 
     file: TaskFile
     system: System
@@ -62,10 +37,11 @@ class StateStarts(StartSets):
         return self.file.initial
 
     def report_and_selection(self) -> tuple[Array, Array]:
-        """Two parts of one even sequence; see `starts.grid_apart`."""
+        """Those behind the main score of the report, and those on which checkpoints are selected: see `grid_apart`."""
         return grid_apart(self.initial, self.file.starts, self.system.initial_states)
 
     def at_random(self, count: int) -> Array:
+        """The report's many random starts, the same for every method and seed of a task."""
         return self._drawn(self.initial, np.random.default_rng(_REPORTED), count)
 
     def of_protocol(self, protocol: Protocol) -> Array:
@@ -73,13 +49,8 @@ class StateStarts(StartSets):
         return self.system.initial_states(grid(protocol.initial or self.initial, protocol.starts))
 
     def of_training(self, generator: np.random.Generator, count: int) -> Array:
+        """Where that many training episodes begin. All randomness is the generator's."""
         return self._drawn(self.file.training.starts or self.initial, generator, count)
-
-    def of_exploring(self, generator: np.random.Generator, count: int) -> Array:
-        exploring = self.file.training.exploring
-        assert exploring is not None
-        assert exploring.states is not None
-        return self._drawn(exploring.states, generator, count)
 
     def _drawn(self, region: Region, generator: np.random.Generator, count: int) -> Array:
         return self.system.initial_states(sample(region, generator, count))
@@ -90,11 +61,12 @@ _SELECTION, _RANDOM, _PROTOCOLS, _FRESH, _TRAINING, _END = 10**5, 2 * 10**5, 3 *
 
 
 @dataclass(frozen=True)
-class SeedStarts(StartSets):
-    """Seeds of a world whose state cannot be set. The sets are ranges of whole numbers, apart from each other.
+class SeedStarts:
+    """Seeds of a world whose state cannot be set, as arrays (count, 1); the same sets as those of `StateStarts`.
 
-    0 and up: the report; 100,000: selection; 200,000: the report's random starts; 300,000: protocols, all from the same
-    seeds; from 1,000,000 below 2^30: `fresh`; from 2^30 below 2^31: training.
+    The sets are ranges of whole numbers, apart from each other. 0 and up: the report; 100,000: selection; 200,000: the
+    report's random starts; 300,000: protocols, all from the same seeds; from 1,000,000 below 2^30: `fresh`; from 2^30
+    below 2^31: training.
     """
 
     file: TaskFile

@@ -59,24 +59,20 @@ class Task:
 
     @cached_property
     def starts(self) -> StateStarts | SeedStarts:
-        """Where episodes begin."""
         if isinstance(self.dynamics, System):
             return StateStarts(self.file, self.dynamics)
         return SeedStarts(self.file)
 
     @property
     def name(self) -> str:
-        """The text of the choice."""
         return str(self.choice)
 
     @property
     def formula(self) -> stl.Formula:
-        """The task's formula, intervals in steps."""
         return self.file.formula
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """Names of the k signals."""
         return tuple(self.file.signals)
 
     @cached_property
@@ -99,7 +95,6 @@ class Task:
 
     @cached_property
     def specification(self) -> Specification:
-        """What a reward method knows of the task."""
         ranges = self.file.signals.values()
         return Specification(
             formula=self.file.rewarded or self.formula,
@@ -147,7 +142,6 @@ class Task:
         return "shared" if self.file.agents else "auto"
 
     def budget(self, name: str) -> Budget:
-        """The named budget."""
         if name not in self.file.budgets:
             raise UsageError(f"task {self.name} has no budget '{name}'{did_you_mean(name, self.file.budgets)}")
         return self.file.budgets[name]

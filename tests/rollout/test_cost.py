@@ -61,20 +61,17 @@ def test_neither_a_method_without_inputs_nor_an_agent_that_cannot_say_is_refused
     refused(silent())
 
 
-@pytest.mark.parametrize(
-    ("task", "method"),
-    [("robot-nav", "tau-mdp"), ("overlap", "tau-mdp"), ("pendulum", "tau-mdp"), ("cartpole", "tau-mdp")],
-)
-def test_histories_of_thousands_of_samples_are_intractable(task: str, method: str) -> None:
+@pytest.mark.parametrize("task", ["robot-nav", "pendulum"])
+def test_histories_of_thousands_of_samples_are_intractable(task: str) -> None:
     entry = load_task(task)
     agent, steps = build_agent(entry, entry.own_agent), entry.budget("quick").steps
     with pytest.raises(Intractable, match=r"^needs [34]00[23] inputs: a replay of .* updates (16|17|20) times as long"):
-        refuse_dear(entry, build_method(entry, method), agent, steps)
-    thinned = build_method(entry, f"{method}[every={max(5, entry.file.hold)}]")
+        refuse_dear(entry, build_method(entry, "tau-mdp"), agent, steps)
+    thinned = build_method(entry, f"tau-mdp[every={max(5, entry.file.hold)}]")
     refuse_dear(entry, thinned, agent, steps)
 
 
-@pytest.mark.parametrize("task", ["annulus", "hold-disc", "integrator-or", "reach-stay", "fetch-reach", "formation"])
+@pytest.mark.parametrize("task", ["hold-disc", "formation"])
 def test_shorter_ones_are_trained(task: str) -> None:
     entry = load_task(task)
     refuse_dear(entry, build_method(entry, "tau-mdp"), build_agent(entry, entry.own_agent), entry.budget("paper").steps)

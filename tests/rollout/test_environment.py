@@ -29,15 +29,6 @@ class TestSimulator:
         simulator.advance(np.array([UP, DOWN]))
         assert simulator.observe().tolist() == [[0.75, 1, -0.75, 1, 0.25], [2.5, 1, -0.75, 1, 3]]
 
-    def test_time_reaches_1_at_the_end(self) -> None:
-        task = line()
-        simulator = Simulator(task, Probe(task.specification))
-        times = [simulator.reset(np.zeros((1, 1)))[0, 2]]
-        for _ in range(8):
-            simulator.advance(always(UP, 1))
-            times.append(simulator.observe()[0, 2])
-        assert times == [-1, -0.75, -0.5, -0.25, 0, 0.25, 0.5, 0.75, 1]
-
     def test_an_action_is_held_and_every_step_is_a_sample(self) -> None:
         task = line(hold=4)
         simulator = Simulator(task, Probe(task.specification))
@@ -116,14 +107,6 @@ class TestBatchEnvironment:
         assert second.arrived.tolist() == [[2, 8, 1]] * 2  # where the episode ended
         assert second.observation.tolist() == [[0, 0, -1]] * 2  # where the next one begins
         assert environment.step(always(DOWN, 2)).arrived.tolist() == [[-2, 4, 0]] * 2
-
-    def test_rewards_are_divided_by_the_methods_scale(self) -> None:
-        task = line(training={"starts": {"box": {"x": 0}}})
-        method = Probe(task.specification)
-        method.scale = 4.0
-        environment = BatchEnvironment(task, method, 1, seed=0)
-        environment.reset()
-        assert environment.step(always(UP, 1)).reward.tolist() == [5 / 4]
 
     def test_the_budget_counts_steps_of_all_copies(self) -> None:
         task = line(hold=4)

@@ -208,7 +208,7 @@ def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytes
         (np.array([Fraction(1, 2)] * 3), "object"),
     ],
 )
-@pytest.mark.parametrize(("hold", "size"), [(1, 0), (2, 0), (1, 1), (2, 1)])
+@pytest.mark.parametrize(("hold", "size"), [(1, 1), (2, 0)])
 def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold: int, size: int) -> None:
     """NumPy would make floats of all these, and leave out what makes them something else."""
 
@@ -228,7 +228,7 @@ def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold:
         environment.step(STAY)
 
 
-@pytest.mark.parametrize(("hold", "size"), [(1, 0), (2, 0), (1, 1), (2, 1)])
+@pytest.mark.parametrize(("hold", "size"), [(1, 1), (2, 0)])
 @pytest.mark.parametrize("shape", [(), (1,), (5,)])
 def test_the_number_of_rewards_of_one_step(hold: int, size: int, shape: tuple[int, ...]) -> None:
     """One for all copies is not stretched to as many as there are."""

@@ -21,7 +21,7 @@ from stlbench.parallel import StlParallelEnv, parallel_env
 from stlbench.rollout.environment import Simulator
 from stlbench.task import build_method, load_task
 
-METHODS = ["funnel", "raw", "flag"]
+METHODS = ["raw", "flag"]
 
 
 @pytest.fixture

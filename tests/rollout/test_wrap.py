@@ -129,11 +129,10 @@ def test_the_info_has_the_same_entries_at_each_step_of_one_dtype_and_shape(termi
 
 
 @pytest.mark.parametrize("method", sorted(plugins.available("methods")))
-@pytest.mark.parametrize("formula", ["F[0,3] G[0,3] x >= 0.5", "G[0,6] (x <= 1 & minus <= 1)"])
-def test_it_pickles_in_the_middle_of_an_episode(method: str, formula: str) -> None:
+def test_it_pickles_in_the_middle_of_an_episode(method: str) -> None:
     options = {"steps": 6, "ranges": {"x": (-10, 10), "minus": (-10, 10)}, "method": method}
     try:
-        env = wrapped(formula=formula, **options)
+        env = wrapped(formula="F[0,3] G[0,3] x >= 0.5", **options)
     except UsageError as error:
         pytest.skip(str(error))
     walk(env, RIGHT, RIGHT)
@@ -270,14 +269,16 @@ PENDULUM: dict[str, Any] = {
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(theta) <= 0.2", **CART),
         lambda: stlbench.wrap(
-            gymnasium.make("Pendulum-v1"), "F[0,99] G[0,99] abs(theta) <= 0.2", method="flag", **PENDULUM
+            gymnasium.make("Pendulum-v1", max_episode_steps=30),
+            "F[0,9] G[0,9] abs(theta) <= 0.2",
+            method="flag",
+            **PENDULUM,
         ),
         lambda: wrapped(Walk(noise=0.1), "F[0,3] x >= 1", steps=8, method="funnel"),
         lambda: wrapped(Walk(noise=0.1, kind="dict"), names={"place": ("x", "minus")}, terminated="interval"),
     ],
-    ids=["cartpole", "pendulum", "random", "dict"],
+    ids=["pendulum", "random", "dict"],
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")  # of the environments themselves, and that they are wrapped
 def test_gymnasium_and_stable_baselines_accept_it(make: Callable[[], StlWrapper]) -> None:
@@ -287,6 +288,7 @@ def test_gymnasium_and_stable_baselines_accept_it(make: Callable[[], StlWrapper]
     check_for_sb3(make())
 
 
+@pytest.mark.slow
 def test_stable_baselines_trains_on_it_and_its_monitor_has_the_verdict() -> None:
     from stable_baselines3 import DQN
     from stable_baselines3.common.monitor import Monitor

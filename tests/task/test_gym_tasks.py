@@ -199,10 +199,10 @@ def test_the_versions_of_an_environments_software_are_in_the_keys(
     assert key(terminated="violated") != before
     from stlbench.task import gym_source
 
-    gym_source._of_text.cache_clear()
+    gym_source._shared.cache_clear()
     monkeypatch.setattr(gym_make, "_version", lambda name: "0.0")
     assert key() != before
-    gym_source._of_text.cache_clear()
+    gym_source._shared.cache_clear()
 
 
 REGISTERED = """

@@ -13,7 +13,6 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.rollout import referee
 from stlbench.task import load_task, starts
-from stlbench.testing import check_task
 
 TASK = load_task("either-or")
 
@@ -95,7 +94,3 @@ def test_the_programmes_optimum_is_the_best_possible_and_its_replay_agrees(progr
     value, forces = programme.solve(programme.TARGETS[1:])
     assert value == pytest.approx(0.5, abs=1e-6)
     assert programme.replayed(forces) == pytest.approx(value, abs=1e-6)
-
-
-def test_the_contract() -> None:
-    check_task("either-or")

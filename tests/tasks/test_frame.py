@@ -14,7 +14,7 @@ from stlbench.task import load_task, starts
 from stlbench.task.task import Task
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
-TASKS = ("ball-in-cup", "cartpole", "fetch-reach")
+OTHERS = ("ball-in-cup", "fetch-reach")
 
 
 def first_states(task: Task, count: int = 2) -> Array:
@@ -30,7 +30,7 @@ def picture(task: Task, state: Array) -> Pixels:
     return found
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", ["cartpole", *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)])
 def test_a_picture_shows_something_and_depends_on_the_state_alone(name: str) -> None:
     task = load_task(name)
     first, second = first_states(task)

@@ -10,7 +10,6 @@ from helpers.controlled_traces import all_starts, trace
 
 from stlbench import stl
 from stlbench.task import load_task, starts
-from stlbench.testing import check_task
 
 TASK = load_task("hold-disc")
 
@@ -37,19 +36,6 @@ def test_the_protocols_measure_what_the_authors_program_prints() -> None:
     region = protocols["centre"].initial
     assert region is not None
     assert np.all(starts.grid(region, 16)[:, :2] == 2)
-
-
-def test_dynamics_by_hand() -> None:
-    """x' = x + .01 v cos, y' = y + .01 v sin, heading' = heading + .01 omega."""
-    state = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, math.pi / 2], [0.0, 0.0, math.pi / 6]])
-    action = np.array([[5.0, -3.0], [-4.0, 0.5], [2.0, 0.0]])
-    expected = [
-        [1.05, 2, -0.03],
-        [1, 1.96, math.pi / 2 + 0.005],
-        [0.02 * math.sqrt(3) / 2, 0.01, math.pi / 6],
-    ]
-    assert TASK.system.step(state, action) == pytest.approx(np.array(expected))
-    assert TASK.system.signals(state).tolist() == [[1, 2], [1, 2], [0, 0]]
 
 
 def test_features_are_the_centre_as_seen_from_the_robot() -> None:
@@ -81,21 +67,3 @@ def test_the_controller_never_leaves_its_start_and_settles_at_the_centre(name: s
     tail = task.file.protocols["tail"].formula
     assert tail is not None
     assert stl.robustness(tail, traces, task.signals).min() > settled
-
-
-@pytest.mark.parametrize("name", ["hold-disc", "hold-disc-coarse"])
-def test_the_nested_form_is_the_formula(name: str) -> None:
-    """G[0,190] G[0,10] reads samples 0..200, as G[0,200] does: the same robustness and verdict on any trace."""
-    task = load_task(name)
-    assert task.specification.nested == stl.parse("G[0,190] G[0,10] (norm(x - 2, y - 2) <= 1)")
-    steps = np.random.default_rng(0).normal(size=(300, 201, 2), scale=0.03)
-    traces = 2 + np.cumsum(steps, axis=1)
-    formula, nested = (stl.robustness(f, traces, ("x", "y")) for f in (task.formula, task.specification.nested))
-    assert np.array_equal(formula, nested)
-    verdicts = stl.satisfied(task.formula, traces, ("x", "y"))
-    assert np.array_equal(verdicts, stl.satisfied(task.specification.nested, traces, ("x", "y")))
-    assert 0.1 < verdicts.mean() < 0.9
-
-
-def test_the_contract() -> None:
-    check_task("hold-disc")

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-
 from stlbench.task import load_task
-from stlbench.testing import check_task
 
 FINE, COARSE = load_task("hold-disc"), load_task("hold-disc-coarse")
 
@@ -20,12 +16,3 @@ def test_only_the_sampling_time_and_the_turning_rates_differ() -> None:
     assert fine["actions"]["v"] == coarse["actions"]["v"]
     assert COARSE.actions.axes[1] == (-3, -2.25, -1.5, -0.75, 0, 0.75, 1.5, 2.25, 3)
     assert COARSE.actions.shape == (21, 9)  # as in RECIPES.md, of the authors' program
-
-
-def test_a_step_at_full_speed_is_half_the_disc() -> None:
-    after = COARSE.system.step(np.array([[2.0, 2.0, 0.0]]), np.array([[5.0, -3.0]]))
-    assert after == pytest.approx(np.array([[2.5, 2, -0.3]]))
-
-
-def test_the_contract() -> None:
-    check_task("hold-disc-coarse")

@@ -8,7 +8,6 @@ from helpers.controlled_traces import all_starts, trace
 
 from stlbench import stl
 from stlbench.task import load_task, starts
-from stlbench.testing import check_task
 
 TASK = load_task("integrator-or")
 
@@ -79,7 +78,3 @@ def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None
     x = np.maximum(25 - 0.03 * np.arange(2001), 5)[None, :, None]
     assert stl.robustness(reach.formula, x, ("x",)) == pytest.approx(5)
     assert stl.robustness(TASK.formula, x, ("x",)) == pytest.approx(-15)
-
-
-def test_the_contract() -> None:
-    check_task("integrator-or")

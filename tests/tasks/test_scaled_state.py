@@ -11,8 +11,8 @@ import pytest
 from helpers.task_lists import SYSTEMS
 
 from stlbench.contract import Array
-from stlbench.task import load_task
-from stlbench_tasks.differential_drive import DifferentialDrive
+from stlbench.task import Task
+from stlbench.task import load_task as load_anew
 
 ROBOTS = ("hold-disc", "hold-disc-coarse", "robot-nav", "annulus", "reach-stay", "overlap")
 
@@ -29,10 +29,15 @@ WRAPPED = dict.fromkeys((*ROBOTS, "patrol", "dwell"), "heading") | {"cartpole": 
 
 
 @cache
+def load_task(name: str) -> Task:
+    return load_anew(name)
+
+
+@cache
 def states(name: str) -> Array:
-    """The states (M, n) at the decisions of four episodes under the controller."""
+    """The states (M, n) at the decisions of two episodes under the controller."""
     task = load_task(name)
-    found = [task.starts.report_and_selection()[0][:32:8]]
+    found = [task.starts.report_and_selection()[0][:32:16]]
     for t in range(task.file.steps):
         if t % task.file.hold == 0:
             action = task.system.controller(found[-1], np.full(len(found[-1]), t))
@@ -101,14 +106,6 @@ def test_a_whole_turn_is_not_seen(name: str) -> None:
 def test_the_pendulum_sees_a_whole_turn_up_to_9_rad() -> None:
     scaled = load_task("pendulum").system.scaled_state(np.array([[0.0, 3], [2 * np.pi, -6], [9.5, 0], [-20, 12]]))
     assert scaled == pytest.approx(np.array([[0, 0.5], [2, -1], [9 / np.pi, 0], [-9 / np.pi, 2]]))
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_a_robots_room_is_the_range_of_its_signals(name: str) -> None:
-    task = load_task(name)
-    assert isinstance(task.system, DifferentialDrive)
-    ends = np.array([[*task.specification.low, 0.0], [*task.specification.high, np.pi / 2]])
-    assert task.system.scaled_state(ends) == pytest.approx(np.array([[-1, -1, 1, 0], [1, 1, 0, 1]]))
 
 
 @pytest.mark.parametrize("name", ["integrator-or", "formation", "fetch-reach", "patrol", "dwell", "either-or"])
