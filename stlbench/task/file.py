@@ -68,13 +68,16 @@ class Signal(Range):
     left out, the entry of the signal's own name."""
 
 
+Api = Literal["gymnasium", "pettingzoo"]
+
+
 class Environment(Entry):
     """An environment of Gymnasium, or a parallel one of PettingZoo, whose agents act jointly."""
 
     id: str | None = None
     """As `gymnasium.make` takes it: "CartPole-v1", or "module:Id-v0" where a module registers it. Of PettingZoo, a
     module with `parallel_env`. None where a class makes the environment."""
-    api: Literal["gymnasium", "pettingzoo"] = "gymnasium"
+    api: Api = "gymnasium"
     kwargs: dict[str, Any] = Field(default_factory=dict)
     """What it is made with."""
     drawn: dict[str, Any] = Field(default_factory=dict)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any
 
 import gymnasium
@@ -11,18 +10,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
 from stlbench.errors import UsageError
-from stlbench.task.gym_make import failed
 from stlbench.task.gym_spaces import as_action
-
-
-def parallel(module: str, keywords: Mapping[str, Any]) -> JointEnv:
-    """The environment that `parallel_env` of a module makes, as in "mpe2.simple_spread_v3". Raises `UsageError`."""
-    try:
-        return JointEnv(import_module(module).parallel_env(**keywords))
-    except UsageError:
-        raise
-    except Exception as error:
-        raise failed(f"parallel environment {module}", error) from error
 
 
 class JointEnv(gymnasium.Env[Any, Any]):

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -15,6 +16,8 @@ import gymnasium
 
 from stlbench.contract import cause
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.task.file import Api
+from stlbench.task.gym_joint import JointEnv
 
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
@@ -38,17 +41,23 @@ _ENGINES = frozenset({"box2d", "box2d-py", "brax", "mujoco", "mujoco-mjx", "pybu
 """Distributions that compute motions for the libraries that need them."""
 
 
-def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
+def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium") -> Gym:
     """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0", without its time limit.
 
+    For the API `pettingzoo` the id is a module with `parallel_env`, as "mpe2.simple_spread_v3"; its agents act jointly.
     Raises `UsageError`: an unknown id, a library that is missing, keywords that the environment does not take.
     """
     try:
+        if api == "pettingzoo":
+            return JointEnv(import_module(identifier).parallel_env(**keywords))
         return gymnasium.make(identifier, max_episode_steps=-1, disable_env_checker=True, **keywords)
+    except UsageError:
+        raise
     except gymnasium.error.NameNotFound as error:
         raise UsageError(f"no environment '{identifier}'{_hint(identifier)}") from error
     except Exception as error:
-        raise failed(f"environment {identifier}", error) from error
+        kind = "environment" if api == "gymnasium" else "parallel environment"
+        raise failed(f"{kind} {identifier}", error) from error
 
 
 def failed(what: str, error: Exception) -> UsageError:

@@ -15,7 +15,6 @@ from typing import Any, Literal, TypeAlias
 from stlbench.contract import GymTask, cause
 from stlbench.errors import UsageError
 from stlbench.task.file import Axis, Environment, TaskFile
-from stlbench.task.gym_joint import parallel
 from stlbench.task.gym_make import Gym, failed, made, modules, software
 from stlbench.task.gym_signals import Expressions
 from stlbench.task.gym_spaces import ActionAxis, Observed, action_axes, entries_of
@@ -154,7 +153,7 @@ def _by_id(entry: Environment, render_mode: RenderMode) -> Gym:
     if entry.id is None:
         raise UsageError("there is no environment: give its id in task.yaml, or a class of GymTask with make()")
     keywords = entry.kwargs if render_mode is None else entry.kwargs | entry.drawn | {"render_mode": render_mode}
-    return (made if entry.api == "gymnasium" else parallel)(entry.id, keywords)
+    return made(entry.id, keywords, entry.api)
 
 
 def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> None:

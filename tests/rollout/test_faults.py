@@ -115,18 +115,6 @@ def test_what_a_method_adds(kind: type[Latch], said: str) -> None:
         learned()
 
 
-def test_the_number_of_rewards() -> None:
-    class TooMany(RewardMethod):
-        """One reward too many."""
-
-        def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-            return np.zeros((len(samples), len(t))), memory
-
-    said = r"^method TooMany: the shape of its rewards is \(3, 3\), the contract says \(2, 3\)$"
-    with pytest.raises(PluginFault, match=said):
-        stepped(TooMany(SPEC))
-
-
 def test_an_installed_method_is_told_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Raw, "arrival", lambda self, signals, t: np.full(t.shape, INF))
     with pytest.raises(PluginFault, match=r"^method raw: reward is inf at step 1 in 3 of 3 copies$"):
@@ -244,5 +232,7 @@ def test_the_number_of_rewards_of_one_step(hold: int, size: int, shape: tuple[in
     task = line(hold=hold)
     environment = BatchEnvironment(task, Odd(task.specification), 3, seed=0)
     environment.reset()
-    with pytest.raises(PluginFault, match=r"^method Odd: the shape of its rewards is "):
+    with pytest.raises(
+        PluginFault, match=r"^method Odd: the shape of its rewards is \(.*\), the contract says \([12], 3\)$"
+    ):
         environment.step(STAY)

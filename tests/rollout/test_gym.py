@@ -18,7 +18,6 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from helpers.latch import Latch
 from helpers.line_task import Probe, line, text
-from helpers.stepwise import one_step
 from helpers.walk_env import Walk
 from helpers.walk_task import WalkTask, walk
 
@@ -234,23 +233,6 @@ def test_scaled_divides_by_the_width_of_the_range() -> None:
     env = make("hold-disc", method="raw", scaled=True)
     env.reset(options={"state": [2.5, 2, 0]})
     assert env.step(np.int64(FORWARD))[1] == pytest.approx(0.45 / np.sqrt(8))
-
-
-def test_a_held_action_is_paid_the_mean_and_shows_every_sample() -> None:
-    env = make("robot-nav", method="raw")
-    hold = env.task.file.hold
-    assert hold > 1
-    _, info = env.reset(seed=5)
-    before = info["signals"][-1]
-    _, reward, _, _, info = env.step(np.int64(0))
-    assert info["signals"].shape == (hold, len(env.task.signals))
-    assert info["t"] == hold
-    trace = np.concatenate([before[None], info["signals"]])[:, None]
-    rewards = [
-        one_step(env.method, trace[t], np.zeros((1, 2)), trace[t + 1], np.array([t]), np.zeros((1, 0)))[0]
-        for t in range(hold)
-    ]
-    assert reward == pytest.approx(float(np.mean(rewards)))
 
 
 @pytest.mark.parametrize("task", ["hold-disc", "robot-nav"])

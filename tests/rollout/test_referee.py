@@ -165,15 +165,6 @@ class TestReferee:
         assert abs(others[:8].mean() - others.mean()) < 0.1
         assert np.ptp(others[:8]) > 1.5
 
-    def test_protocols_in_seconds_are_read_in_the_tasks_unit(self) -> None:
-        task = line(
-            time="seconds", formula="G[0,2] (x <= 1)", protocols={"tail": {"title": "t", "formula": "G[3,4] (x <= 1)"}}
-        )
-        report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: UP))
-        # .5 s per step: G[0,4] and G[6,8] in steps
-        assert report.scores[MAIN].robustness == pytest.approx(-1 - starts.grid(task.file.initial, 4)[:, 0])
-        assert report.scores["tail"].robustness == pytest.approx(-3 - starts.grid(task.file.initial, 64)[:, 0])
-
     def test_no_reward_enters_a_score(self) -> None:
         class Absurd(Probe):
             def step(

@@ -15,7 +15,6 @@ from helpers.walk_env import RIGHT, STAY, Walk
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.rollout.gymnasium.wrap import StlVectorWrapper
 
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 OPTIONS: dict[str, Any] = {"ranges": {"x": (-10, 10)}, "method": "flag"}
@@ -73,17 +72,6 @@ def test_without_autoreset_a_mask_says_who_restarts() -> None:
         [False, True],
     )
     assert observations[:, -1].tolist() == pytest.approx([-1 / 3, 1.0])
-
-
-def test_the_length_of_an_episode_is_the_vector_environments() -> None:
-    sync = SyncVectorEnv([make] * 2)
-    assert stlbench.wrap(sync, FORMULA, names=("x", "minus"), **OPTIONS).specification.steps == 7
-    with pytest.raises(UsageError, match="steps = 9, but the vector environment restarts after 7"):
-        stlbench.wrap(sync, FORMULA, names=("x", "minus"), steps=9, **OPTIONS)
-    made = gymnasium.make_vec("Pendulum-v1", 2, vectorization_mode="sync")
-    envs = stlbench.wrap(made, "G[9,9] w <= 1", names=("c", "s", "w"), ranges={"w": (-8, 8)}, method="raw")
-    assert isinstance(envs, StlVectorWrapper)
-    assert envs.specification.steps == 200
 
 
 @pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])

@@ -41,7 +41,7 @@ def _value(formula: str, *sample: float, of: int = 0) -> float:
     return float(margin(psi, NAMES)(np.array([*sample, 0.0, 0.0][:3])))
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(formulas(PREDICATES, longest=3, constants=False), st.integers(0, 2**32 - 1))
 def test_the_same_traces_satisfy_it(formula: Formula, seed: int) -> None:
     batch = traces(30, seed, (20,))

@@ -13,7 +13,8 @@ from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.parallel import parallel_env
 from stlbench.rollout.worlds import make_world
-from stlbench.task.gym_joint import JointEnv, parallel
+from stlbench.task.gym_joint import JointEnv
+from stlbench.task.gym_make import made
 
 
 def test_the_robots_of_formation_are_one_environment() -> None:
@@ -90,7 +91,7 @@ def test_it_is_a_task_like_any_other() -> None:
 
 def test_an_environment_of_pettingzoo() -> None:
     pytest.importorskip("mpe2", reason="the environment is mpe2's")
-    joint = parallel("mpe2.simple_spread_v3", {"continuous_actions": True})
+    joint = made("mpe2.simple_spread_v3", {"continuous_actions": True}, "pettingzoo")
     observation, _ = joint.reset(seed=0)
     assert {name: seen.shape for name, seen in observation.items()} == {f"agent_{i}": (18,) for i in range(3)}
     assert joint.action_space.shape == (15,)
@@ -100,7 +101,7 @@ def test_an_environment_of_pettingzoo() -> None:
 
 def test_what_cannot_be_made_is_said_in_a_line() -> None:
     with pytest.raises(UsageError, match=r"^parallel environment no_such_module cannot be made: ModuleNotFoundError"):
-        parallel("no_such_module", {})
+        made("no_such_module", {}, "pettingzoo")
     mixed = Two(None)
     mixed._space = None
     mixed.action_space = lambda name: Discrete(2) if name == "a" else Box(-1, 1, (1,))  # type: ignore[method-assign]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
 from importlib.metadata import version
 
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.task.gym_joint import parallel
+from stlbench.task.file import Api
 from stlbench.task.gym_make import made, software
 
 
@@ -34,20 +33,20 @@ def test_there_is_no_time_limit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "identifier", "said"),
+    ("api", "identifier", "said"),
     [
-        (made, "shimmy:dm_control/cartpole-balance-v0", 'shimmy: pip install "stlbench-rl[dm]"'),
-        (made, "gymnasium_robotics:FetchReach-v4", 'gymnasium_robotics: pip install "stlbench-rl[mujoco]"'),
-        (parallel, "mpe2.simple_spread_v3", 'mpe2: pip install "stlbench-rl[petting]"'),
+        ("gymnasium", "shimmy:dm_control/cartpole-balance-v0", 'shimmy: pip install "stlbench-rl[dm]"'),
+        ("gymnasium", "gymnasium_robotics:FetchReach-v4", 'gymnasium_robotics: pip install "stlbench-rl[mujoco]"'),
+        ("pettingzoo", "mpe2.simple_spread_v3", 'mpe2: pip install "stlbench-rl[petting]"'),
     ],
 )
 def test_a_library_that_an_extra_brings_is_named_with_it(
-    make: Callable[..., object], identifier: str, said: str, monkeypatch: pytest.MonkeyPatch
+    api: Api, identifier: str, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in (said.partition(":")[0], identifier.partition(":")[0]):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(UsageError, match=f"environment {identifier} needs {re.escape(said)}$"):
-        make(identifier, {})
+        made(identifier, {}, api)
 
 
 @pytest.mark.parametrize(

@@ -122,11 +122,6 @@ class TestTask:
         system: Any = load_task("zz-line").system
         assert (system.mass, system.dt) == (2.5, 0.5)
 
-    def test_wrong_parameters(self, site: Callable[..., Path]) -> None:
-        self.install(site, parameters={"weight": 2.5}, initial={"box": {"x": 0, "y": 0}})
-        with pytest.raises(UsageError, match=r"\n  parameters: no parameter 'weight'; there are: mass$"):
-            load_task("zz-line")
-
     def test_errors_of_the_file_of_its_parameters_and_of_its_boxes_at_once(self, site: Callable[..., Path]) -> None:
         self.install(site, hold=3, sampling_time=-1, parameters={"weight": 2.5, "mass": "heavy"})
         with pytest.raises(UsageError) as caught:

@@ -33,7 +33,7 @@ def test_by_hand(formula: str, expected: list[tuple[str, int, int, bool]]) -> No
     assert found == expected
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(formulas(longest=3), st.integers(0, 2**32 - 1))
 def test_rebuilt_of_its_own_parts_it_means_the_same(formula: Formula, seed: int) -> None:
     trace = traces(20, seed)

@@ -32,16 +32,6 @@ def test_features() -> None:
     assert features[:2, 1:].tolist() == [[0, pytest.approx(-1)], [pytest.approx(1), 0]]
 
 
-def test_it_can_be_satisfied_from_every_start_of_the_referee() -> None:
-    """t = 0 counts, so the start bounds the robustness: at least .2, and staying there reaches it."""
-    states = starts.grid(TASK.file.initial, 64)
-    traces = np.repeat(states[:, None], 2001, axis=1)
-    robustness = stl.robustness(TASK.formula, traces, TASK.signals)
-    assert robustness == pytest.approx(5 - np.minimum(abs(states[:, 0] - 5), abs(states[:, 0] - 45)))
-    assert robustness.min() >= 0.2 - 1e-9
-    assert {bool(x < 25) for x in states[:, 0]} == {True, False}
-
-
 def test_the_controller_reaches_the_bound_of_every_start() -> None:
     """5 less the distance of the start from the nearer point: it never goes away from it."""
     states = all_starts(TASK)
