@@ -95,8 +95,6 @@ class _Constant(Policy):
 
 
 class AtRandom(Policy):
-    """Draws each action evenly from all."""
-
     def __init__(self, task: Task) -> None:
         self._actions, self._generator = task.actions, np.random.default_rng(0)
 

@@ -194,7 +194,6 @@ class BatchEnvironment:
         return _Fate(fixed, event)
 
     def _pay_stopped(self, rows: Integers, reward: Array) -> None:
-        """Pay the rows that the world has ended, in place."""
         simulator, method = self.simulator, self.simulator.method
         for row in rows:
             t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
@@ -207,7 +206,6 @@ class BatchEnvironment:
         return np.where(over, np.int8(Event.OVER), fate.event)
 
     def _reset_rows(self, rows: Integers) -> None:
-        """New episodes in the given rows, some of them at a random time."""
         simulator, exploring = self.simulator, self._training.exploring
         begun, t = self._draw(len(rows)), np.zeros(len(rows), dtype=np.int64)
         self._broken_off[rows] = simulator.horizon

@@ -74,7 +74,6 @@ def check_observation(task: Task, method: RewardMethod, parts: list[Array], obse
 
 
 def check_inputs(method: RewardMethod, inputs: Array, t: Integers) -> None:
-    """What a method shows to policies, (N, i), at steps t (N,)."""
     _shaped(method, "inputs", inputs, (len(t), method.input_size))
     if not _finite(inputs):
         _tell(method, "input", inputs[:, None], t)

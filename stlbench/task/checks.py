@@ -15,7 +15,6 @@ from stlbench.task.file import VIOLATION
 
 
 def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
-    """All rules between the entries of a file."""
     yield from _ranges(parts)
     yield from _formulas(parts, timing)
     yield from _time(parts)

@@ -52,7 +52,6 @@ class Read:
     """From what the file has. Raises `ValueError`."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
-        """Pydantic asks here."""
         written = core_schema.plain_serializer_function_ser_schema(str)
         return core_schema.with_info_plain_validator_function(self.value, serialization=written)
 
@@ -120,12 +119,10 @@ class Region(Entry):
 
     @property
     def low(self) -> Array:
-        """Lower corner, (n,)."""
         return np.array([low for low, _ in self.box.values()])
 
     @property
     def high(self) -> Array:
-        """Upper corner, (n,)."""
         return np.array([high for _, high in self.box.values()])
 
     def keep(self, states: Array) -> Array:

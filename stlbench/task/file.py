@@ -238,7 +238,6 @@ class TaskFile(Entry):
 
     @property
     def box(self) -> dict[str, tuple[float, float]]:
-        """Signal -> the ends of its range."""
         return {name: (signal.low, signal.high) for name, signal in self.signals.items()}
 
     def without(self, part: str) -> TaskFile:

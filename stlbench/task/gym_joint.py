@@ -40,14 +40,12 @@ class JointEnv(gymnasium.Env[Any, Any]):
         return self.env.unwrapped
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode of all agents."""
         super().reset(seed=seed)
         observations, infos = self.env.reset(seed=seed, options=options)
         self._last, self._infos = dict(observations), dict(infos)
         return dict(self._last), _flat(self._infos)
 
     def render(self) -> Any:
-        """The parallel environment's picture of all agents."""
         return self.env.render()
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

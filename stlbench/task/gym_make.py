@@ -77,7 +77,6 @@ def _hint(identifier: str) -> str:
 
 
 def _missing(error: BaseException | None) -> str:
-    """The library that could not be imported, if that is the cause."""
     while error is not None:
         if isinstance(error, ModuleNotFoundError) and error.name:
             return error.name.partition(".")[0]

@@ -205,7 +205,6 @@ def _flat(space: Space[Any]) -> Box:
 
 
 def _places(space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> dict[str, int]:
-    """Named entry that has a scale -> its place in the flat observation."""
     named = _named(space, entries)
     for name in scale:
         if name not in named:

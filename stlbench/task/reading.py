@@ -55,7 +55,6 @@ def read_task_file(text: str, name: str) -> TaskFile:
 
 
 def errors_of(name: str, errors: Sequence[str]) -> UsageError:
-    """All errors of a task's file as one message."""
     lines = "\n".join(errors).replace("\n", "\n  ")
     return UsageError(f"task {name}: task.yaml has errors:\n  {lines}")
 
@@ -122,7 +121,6 @@ def _right(declared: Any, value: Any, timing: Timing) -> Any:
 
 
 def _without_none(declared: Any) -> Any:
-    """`X` of `Annotated[X, ...]`, and of `X | None`."""
     if get_origin(declared) is Annotated:
         return _without_none(get_args(declared)[0])
     if get_origin(declared) in (Union, UnionType):

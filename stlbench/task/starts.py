@@ -72,7 +72,6 @@ class SeedStarts:
     file: TaskFile
 
     def report_and_selection(self) -> tuple[Array, Array]:
-        """The first seeds of two ranges."""
         return _seeds(0, self.file.starts), _seeds(_SELECTION, self.file.starts)
 
     def at_random(self, count: int) -> Array:

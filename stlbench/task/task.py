@@ -138,7 +138,6 @@ class Task:
 
     @property
     def own_track(self) -> Track:
-        """The track on which the task is trained unless another is named."""
         return "shared" if self.file.agents else "auto"
 
     def budget(self, name: str) -> Budget:

@@ -34,8 +34,7 @@ class _Copies:
     metadata: Info
     render_mode: str | None
 
-    def _make(self, task: str, method: str, scaled: bool, render_mode: str | None) -> tuple[Box, Discrete | Box]:
-        """Load the task and build the method. Returns the observation space and the action space of one copy."""
+    def _make(self, task: str, method: str, scaled: bool, render_mode: str | None) -> tuple[Any, Any]:
         self.task = load_task(task)
         undrawn = _undrawn(self.task)
         modes = [] if undrawn else ["rgb_array"]
@@ -118,7 +117,7 @@ def _undrawn(task: Task) -> str:
     return "" if isinstance(task.dynamics, Drawn) else "the task has no picture of itself"
 
 
-def _kind(space: Discrete | Box) -> str:
+def _kind(space: Any) -> str:
     if isinstance(space, Discrete):
         return f"an index in 0..{space.n - 1}"
     return f"a vector between {space.low.tolist()} and {space.high.tolist()}"

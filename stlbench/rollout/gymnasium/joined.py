@@ -103,7 +103,6 @@ def _scaled_space(space: Space[Any], observed: Observed | None) -> Space[Any]:
 
 
 def _floats(observation: Any) -> Iterator[NDArray[Any]]:
-    """The arrays of floats that an observation consists of."""
     if isinstance(observation, dict | tuple):
         for part in observation.values() if isinstance(observation, dict) else observation:
             yield from _floats(part)

@@ -47,7 +47,6 @@ class Reader:
         return signals
 
     def _returned(self, given: Any, where: str) -> list[float]:
-        """What the user's function returned, in order."""
         if not isinstance(given, Mapping):
             raise UsageError(f"signals: expected name -> number {where}, got {given!r}")
         if given.keys() != set(self.names):
