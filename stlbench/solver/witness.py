@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.early_ends import judge
 from stlbench.rollout.controller import replay
+from stlbench.rollout.early_ends import judge
 from stlbench.task import Task
 
 _COPIES, _ELITE = 32, 6
