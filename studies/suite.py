@@ -1,6 +1,8 @@
 """Make the suite: accept candidates, search for their witnesses, and write what `stlbench_tasks.suite` reads.
 
-    python studies/suite.py [--systems unicycle,pair] [--count 4] [--seconds 4] [--bounds]
+    python studies/suite.py [--systems unicycle,pair] [--count 4] [--seconds 4]
+    python studies/suite.py --bounds
+    python studies/suite.py --longer quadrotor/reach-stay/0,arm/tube --seconds 20
 
 For each system and template it tries candidates in turn until `count` are accepted. It refuses a candidate
 
@@ -12,6 +14,7 @@ For each system and template it tries candidates in turn until `count` are accep
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
 followed by the local search over held actions of `best_known.py`. What is there already is kept: the same command goes
 on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
+With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from best_known import replay
+from best_known import replay, search
 from suite_bounds import upper_bound
 from suite_drives import witness
 
@@ -68,7 +71,6 @@ def judged(candidate: Candidate, others: list[tuple[str, str]], seconds: float) 
     if score.satisfaction < 1:
         return "unknown"
     assert isinstance(task.actions, ActionGrid)
-    indices = nearest(task.actions, actions.reshape(-1, actions.shape[-1])).reshape(actions.shape[:2])
     scores = {"zero": constants.zero, "constant": constants.best, "random": random}
     rows: dict[str, Any] = {
         name: {"robustness": round(each.mean, 5), "satisfied": each.satisfaction} for name, each in scores.items()
@@ -76,7 +78,7 @@ def judged(candidate: Candidate, others: list[tuple[str, str]], seconds: float) 
     rows["constant"]["action"] = list(constants.action)
     bound = upper_bound(task, SYSTEMS[candidate.system])
     row = {"candidate": candidate.number, "robustness": round(score.mean, 5), "upper_bound": round(bound, 5)}
-    return {**row, "baselines": rows}, indices.astype(np.min_scalar_type(task.actions.size - 1))
+    return {**row, "baselines": rows}, _indices(task.actions, actions)
 
 
 def main() -> None:
@@ -86,6 +88,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--bounds", action="store_true")
+    parser.add_argument("--longer")
     options = parser.parse_args()
     table: dict[str, Any] = {"accepted": {}, "refused": {}, "short": []}
     stored = dict[str, Array]()
@@ -93,7 +96,11 @@ def main() -> None:
         table = json.loads(TABLE.read_text(encoding="utf-8"))
         stored = dict(np.load(WITNESSES))
     if options.bounds:
-        tighten(options.systems.split(","), table, stored)
+        tighten(options.systems.split(","), table)
+    if options.longer:
+        search_on(options.longer.split(","), options.seconds, table, stored)
+    if options.bounds or options.longer:
+        write(table, stored)
         return
     for template in TEMPLATES:
         for system in options.systems.split(","):
@@ -101,7 +108,7 @@ def main() -> None:
                 fill(system, template, options.count, options.seconds, table, stored)
 
 
-def tighten(systems: list[str], table: dict[str, Any], stored: dict[str, Array]) -> None:
+def tighten(systems: list[str], table: dict[str, Any]) -> None:
     """Lower the upper bounds of the accepted tasks where they can be."""
     for pair, rows in table["accepted"].items():
         system, template = pair.split("/")
@@ -110,7 +117,28 @@ def tighten(systems: list[str], table: dict[str, Any], stored: dict[str, Array])
             bound = min(row["upper_bound"], round(upper_bound(task, SYSTEMS[system]) + 5e-6, 5))
             print(f"{pair}/{n}: {row['robustness']:.3f}, bound {row['upper_bound']:.3f} -> {bound:.3f}", flush=True)
             row["upper_bound"] = bound
-    write(table, stored)
+
+
+def search_on(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
+    """Change actions of the stored witnesses of some tasks at random, and keep what is better."""
+    named = [name for name in stored if any(f"{name}/".startswith(f"{part}/") for part in parts)]
+    for name in named:
+        pair, _, n = name.rpartition("/")
+        row = table["accepted"][pair][int(n)]
+        task = load(Candidate(*pair.split("/"), level(int(n)), row["candidate"]))[0]
+        assert isinstance(task.actions, ActionGrid)
+        vectors = task.actions.vectors
+        found = search(task, task.starts.report_and_selection()[0], vectors[stored[name]], seconds)
+        score = replay(task, found).mean
+        print(f"{name}: {row['robustness']:.5f} -> {score:.5f}, bound {row['upper_bound']:.5f}", flush=True)
+        stored[name] = _indices(task.actions, found)
+        row["robustness"] = round(score, 5)
+
+
+def _indices(actions: ActionGrid, sequences: Array) -> Array:
+    """The actions (starts, decisions, axes) of the grid, as places in it."""
+    places = nearest(actions, sequences.reshape(-1, sequences.shape[-1])).reshape(sequences.shape[:2])
+    return places.astype(np.min_scalar_type(actions.size - 1))
 
 
 def fill(

@@ -118,7 +118,10 @@ class Report:
             "controllers": controllers_table({name: self.standards[name] for name in self.standards if name in names}),
             "alignment": alignment_table(self.aligned),
             "time": time_table(self.learned),
-            "cells": cells_table(row for group in self.groups for row in group.rows),
+            "cells": cells_table(
+                (row for group in self.groups for row in group.rows),
+                {name: standard.groups for name, standard in self.standards.items()},
+            ),
         }
 
     @property

@@ -1,13 +1,14 @@
-"""What committed studies may do with the suite: develop on `dev`, and report on the rest."""
+"""What committed studies may do with the suite, and that no policy has more than is proven to be possible."""
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
-from stlbench.registry import suites
+from stlbench.registry import plugins, suites
 
 ROOT = Path(__file__).parents[2]
 REPORTED = {"suite-quick"}
@@ -52,3 +53,19 @@ def test_studies_that_report_are_there_and_use_reported_seeds() -> None:
         text = (ROOT / "studies" / f"{name}.yaml").read_text(encoding="utf-8")
         assert f"results: results/{name}\n" in text
         assert re.search(r"^seeds: [0-9]{1,2}$", text, re.MULTILINE)
+
+
+def test_no_recorded_policy_is_above_an_upper_bound() -> None:
+    """From the report's starts, which the bound is of; the selected and the final policy of each cell."""
+    suite = suites.made(plugins.find("suites", "suite"))
+    checked = 0
+    for name in REPORTED:
+        for line in (ROOT / "results" / name / "cells.jsonl").read_text(encoding="utf-8").splitlines():
+            cell = json.loads(line)
+            for policy in ("selected", "final") if cell["measurement"] else ():
+                robustness = cell["measurement"][policy]["formula"]["robustness"]
+                member = suites.task(cell["task"]).member
+                bound = json.loads(suite.task(member).file)["best_known"]["upper_bound"]
+                assert sum(robustness) / len(robustness) <= bound, (cell["task"], cell["method"], policy)
+                checked += 1
+    assert checked > 20

@@ -32,9 +32,13 @@ _IDENTITY: Mapping[Column, Callable[[Row], Value]] = {
 }
 
 
-def cells_table(rows: Iterable[Row]) -> Table:
-    """One row for each cell with its numbers, for other programs. If any was planned, also what its plan says."""
-    listed = list(rows)
+def cells_table(rows: Iterable[Row], groups: Mapping[str, Mapping[str, str]] | None = None) -> Table:
+    """One row for each cell with its numbers, for other programs. If any was planned, also what its plan says.
+
+    `groups` are those of tasks that a suite drew, such as system and template, by the task's name.
+    """
+    listed, of_tasks = list(rows), groups or {}
+    kinds = dict.fromkeys(kind for row in listed for kind in of_tasks.get(row.id.task.name, ()))
     of_numbers: dict[Column, Callable[[Numbers], Value]] = {
         **{Column(each.name): attrgetter(each.name) for each in fields(Numbers) if each.name not in _APART},
         Column("starts"): lambda each: each.starts,
@@ -49,7 +53,12 @@ def cells_table(rows: Iterable[Row]) -> Table:
         of_numbers[Column("maximised")] = lambda each: each.planned.maximised if each.planned else None
         of_numbers[Column("grid_value")] = lambda each: each.planned.value if each.planned else None
     of_cell = {column: value for column, value in CELL.items() if column.title in ("status", "reason")}
-    return Table.of("Cells", listed, {**_IDENTITY, **of_cell, **if_done(of_numbers)})
+    drawn = {Column(kind, right=False): _group(of_tasks, kind) for kind in kinds}
+    return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **if_done(of_numbers)})
+
+
+def _group(groups: Mapping[str, Mapping[str, str]], kind: str) -> Callable[[Row], Value]:
+    return lambda row: groups.get(row.id.task.name, {}).get(kind)
 
 
 def if_done(columns: Mapping[Column, Callable[[Numbers], Value]]) -> dict[Column, Callable[[Row], Value]]:

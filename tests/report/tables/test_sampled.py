@@ -59,7 +59,12 @@ def test_tasks_that_no_suite_drew_have_no_groups():
         assert groups_table(found).rows == pairs_table(found).rows == ()
 
 
-def test_the_report_has_both_tables():
+def test_the_report_has_both_tables_and_groups_of_cells():
     report = Report(condense(RESULTS), STANDARDS)
     titles = [table.title for table in report.summary]
     assert {"Groups of drawn tasks", "Differences on drawn tasks"} < set(titles)
+    cells = report.tables["cells"]
+    at = [column.title for column in cells.columns].index("template")
+    assert {(row[0], row[at - 1], row[at]) for row in cells.rows} == {
+        (task, groups["system"], groups["template"]) for task, groups in TASKS.items()
+    }
