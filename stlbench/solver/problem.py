@@ -37,6 +37,8 @@ _ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
 _LOOK, _SEARCHED = 0.03, 15.0
 """The share of the time for each of the first tries: scores, constant actions and a witness; and the most seconds for
 the last."""
+_MOST_SEARCHED = 3.0
+"""No witness is searched where one generation would take so many times the seconds of a search."""
 _NOTHING = 1e-300  # bounds are rounded outward, 0 too
 _MEASURED = 3.0
 """Seconds for which the speed of the simulation is measured, at most."""
@@ -166,8 +168,9 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
         "random": _numbers(random),
     }
     _write(home / _FILE, content)
-    nearest = witness.search(task, min(_SEARCHED, _LOOK * seconds))
-    if nearest.satisfies:
+    given = min(_SEARCHED, _LOOK * seconds)
+    nearest = witness.search(task, given) if witness.COPIES * episode <= _MOST_SEARCHED * given else None
+    if nearest is not None and nearest.satisfies:
         facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
         write(home.parent / WITNESS, json.dumps(facts))
     return list(_notes(load_task(TASK), found, random, nearest)), episode
@@ -354,7 +357,16 @@ def _is_flag(task: Task, name: str) -> bool:
     return text in task.source.expressions.from_info and task.file.box[name] == (0, 1)
 
 
-def _notes(task: Task, found: baselines.Constants, random: Score, nearest: witness.Nearest) -> Iterator[str]:
+def _of_search(nearest: witness.Nearest | None) -> str:
+    if nearest is None:
+        return "no witness was searched: an episode takes too long for the minutes"
+    tried = f"{nearest.episodes} episodes of held actions from one start"
+    if nearest.satisfies:
+        return f"a witness exists: {tried} found a robustness of {nearest.robustness:.3g}"
+    return f"no witness was found: {tried} reach at most {nearest.robustness:.3g}; others may satisfy"
+
+
+def _notes(task: Task, found: baselines.Constants, random: Score, nearest: witness.Nearest | None) -> Iterator[str]:
     for window in windows(task.formula):
         if stl.bounds(window.psi, task.file.box, nodes=2000).high < 0:
             yield f"impossible: '{window.psi}' holds nowhere within the ranges of the signals"
@@ -363,11 +375,7 @@ def _notes(task: Task, found: baselines.Constants, random: Score, nearest: witne
     for name, score in tried.items():
         if score.satisfaction >= LEARNED:
             yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
-    tried_all = f"{nearest.episodes} episodes of held actions from one start"
-    if nearest.satisfies:
-        yield f"a witness exists: {tried_all} found a robustness of {nearest.robustness:.3g}"
-    else:
-        yield f"no witness was found: {tried_all} reach at most {nearest.robustness:.3g}; others may satisfy"
+    yield _of_search(nearest)
     if random.ended_early:
         meaning = {
             "hold": "the last sample then stays to the end of the episode",

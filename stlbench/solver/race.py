@@ -42,6 +42,8 @@ _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 _LONGER = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
+_AGAIN = 1.5
+"""The second seed of the final training is planned where both have so many times the seconds of the winner."""
 _SLACK = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
 _HANGING = 600.0
@@ -139,19 +141,21 @@ class Trainer:
     ) -> list[Result]:
         """The results of these cells, the best first.
 
-        No more begin once one satisfies from a share `enough`, or where only the time for the delivery is left.
+        No more begin once one satisfies from a share `enough`, or where the time before the delivery is too short.
         """
         cells, results = [(each, seed) for each in who for seed in seeds], list[Result]()
         for first in range(0, len(cells), self._at_once):
-            if results and (rank(results[0])[0] >= enough or not self._has_time):
+            half = (self.posed.task.budget(budget).seconds or 0.0) / 2
+            if results and (rank(results[0])[0] >= enough or self._left <= half):
                 break
             results += self._together(budget, cells[first : first + self._at_once])
             results.sort(key=rank, reverse=True)
         return results
 
     @property
-    def _has_time(self) -> bool:
-        return self.clock.left > _DELIVERY * 60 * self.clock.minutes
+    def _left(self) -> float:
+        """Seconds until the delivery."""
+        return max(0.0, self.clock.left - _DELIVERY * 60 * self.clock.minutes)
 
     def _together(self, budget: str, cells: Sequence[tuple[Contestant, int]]) -> list[Result]:
         """Runs cells side by side: studies of one agent each, which are products of methods and seeds."""
@@ -183,7 +187,7 @@ class Trainer:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
         racing = self._chosen(racing, best)
         rung = 1
-        while len(racing) > 1 and rank(best)[0] < 1 and self._has_time:
+        while len(racing) > 1 and rank(best)[0] < 1 and self._left:
             names = ", ".join(
                 each.method if each.agent == racing[0].agent else f"{each.method} with {each.agent}" for each in racing
             )
@@ -271,16 +275,18 @@ class Trainer:
 
         There is none where only the time for the delivery is left.
         """
-        if not self._has_time and not self._done(FINAL):
+        if not self._left and not self._done(FINAL):
             self.say("no time is left to train again with fresh seeds")
             return []
         if FINAL not in self.posed.task.file.budgets:
             apart, each = _cost(winner)
-            given = self.clock.left - _DELIVERY * 60 * self.clock.minutes
-            checkpoints, seconds = self._training(given / -(-len(FINAL_SEEDS) // self._at_once), apart)
+            assert winner.measurement is not None
+            turns = -(-len(FINAL_SEEDS) // self._at_once)
+            if self._left / turns < _AGAIN * winner.measurement.wall_seconds:
+                turns = 1  # one seed for all of the time; it should not learn less than in the race
+            checkpoints, seconds = self._training(self._left / turns, apart)
             steps = int(seconds / each)
             if rank(winner)[0] == 1:
-                assert winner.measurement is not None
                 steps = min(steps, _LONGER * winner.measurement.env_steps)
             self._write(FINAL, steps, seconds, checkpoints)
         contestant, steps = Contestant.of(winner), self.posed.task.budget(FINAL).steps

@@ -18,7 +18,7 @@ from stlbench.rollout.controller import replay
 from stlbench.rollout.early_ends import judge
 from stlbench.task import Task
 
-_COPIES, _ELITE = 32, 6
+COPIES, _ELITE = 32, 6
 """Episodes of a generation, and how many of all so far the next one is made from."""
 _PIECES = 20
 """A sequence has at most so many actions. Each is held for an equal part of the episode."""
@@ -50,7 +50,7 @@ def search(task: Task, seconds: float, seed: int = 0) -> Nearest:
     began, generator = time.perf_counter(), np.random.default_rng(seed)
     decisions = task.file.steps // task.file.hold
     when = np.arange(decisions) * min(_PIECES, decisions) // decisions
-    start = np.repeat(task.starts.report_and_selection()[0][:1], _COPIES, axis=0)
+    start = np.repeat(task.starts.report_and_selection()[0][:1], COPIES, axis=0)
     pool = _drawn(task, generator, when[-1] + 1)
     best, scores, episodes = pool[:0], np.empty((0, 2)), 0
     while True:
@@ -76,7 +76,7 @@ def _drawn(task: Task, generator: np.random.Generator, pieces: int) -> Integers 
             count = min(different, pieces)
             yield _at_random(task, generator, count)[np.arange(pieces) * count // pieces]
 
-    drawn: list[Any] = list(islice(sequences(), _COPIES))
+    drawn: list[Any] = list(islice(sequences(), COPIES))
     generation: Integers | Array = np.stack(drawn)
     return generation
 
@@ -91,13 +91,13 @@ def _at_random(task: Task, generator: np.random.Generator, count: int) -> Intege
 def _changed(task: Task, generator: np.random.Generator, elite: Integers | Array) -> Integers | Array:
     """The next generation: each piece from one of two parents, then changed a little, or drawn anew."""
     kept, pieces = elite.shape[:2]
-    parents = generator.integers(kept, size=(_COPIES, 2))
-    which = np.where(generator.random((_COPIES, pieces)) < 0.5, parents[:, :1], parents[:, 1:])
+    parents = generator.integers(kept, size=(COPIES, 2))
+    which = np.where(generator.random((COPIES, pieces)) < 0.5, parents[:, :1], parents[:, 1:])
     children = elite[which, np.arange(pieces)]
     if not isinstance(task.actions, ActionGrid):
         low, high = np.array(task.actions.low), np.array(task.actions.high)
         noise = _SPREAD * (high - low) * generator.standard_normal(children.shape)
         children = np.clip(children + noise, low, high)
-    new = generator.random((_COPIES, pieces)) < _NEW
+    new = generator.random((COPIES, pieces)) < _NEW
     children[new] = _at_random(task, generator, int(new.sum()))
     return children

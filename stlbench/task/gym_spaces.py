@@ -150,11 +150,13 @@ class Observed:
     """Flattens observations of a space, and scales them.
 
     An entry with finite ends goes from -1 to 1. One without is divided by its scale, where it has one. A Discrete
-    observation becomes one number for each value, 1 for the one that it has.
+    observation becomes one number for each value, 1 for the one that it has. Parts of a Dict that are no numbers, such
+    as the mission of MiniGrid, are left out.
     """
 
     def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> None:
         """Args: `scale` named entry -> about its largest magnitude. Raises `UsageError`."""
+        space = _in_numbers(space)
         flat = _flat(space)
         self.size, self._type = flat.shape[0], flat.dtype
         self._space, self._plain = space, isinstance(space, Box) and len(space.shape) == 1
@@ -194,12 +196,26 @@ class Observed:
         return (flat if self._type.kind == "f" else np.rint(flat)).astype(self._type)
 
 
-def _flat(space: Space[Any]) -> Box:
+def _in_numbers(space: Space[Any]) -> Space[Any]:
+    """The space; of a Dict with parts that are no numbers only the others."""
+    if not isinstance(space, Dict):
+        return space
+    parts = {key: part for key, part in space.spaces.items() if _flattened(part) is not None}
+    return Dict(parts) if 0 < len(parts) < len(space.spaces) else space
+
+
+def _flattened(space: Space[Any]) -> Box | None:
+    """None where observations cannot be written as a fixed number of numbers."""
     try:
         flat: Any = spaces.flatten_space(space)
     except NotImplementedError:
-        flat = None
-    if not isinstance(flat, Box):
+        return None
+    return flat if isinstance(flat, Box) else None
+
+
+def _flat(space: Space[Any]) -> Box:
+    flat = _flattened(space)
+    if flat is None:
         raise UsageError(f"its observations cannot be written as a fixed number of numbers: {space}")
     return flat
 

@@ -65,6 +65,20 @@ class Point(gymnasium.Env):
         far = abs(float(self.p[0] - self.g[0]))
         return {"far": far, "reached": far < 0, "steady": 3.0, "name": "point"}
 
+class Word(gymnasium.Space):
+    """No numbers."""
+    def sample(self, mask=None, probability=None):
+        return "go"
+    def contains(self, x):
+        return isinstance(x, str)
+
+class Talker(Point):
+    """Says a word."""
+    observation_space = Dict({"place": Box(-2, 2, (1,)), "word": Word()})
+    def _seen(self):
+        return {"place": self.p[:1].copy(), "word": "go"}
+
+gymnasium.register("Talker-v0", Talker, max_episode_steps=30)
 gymnasium.register("Quitter-v0", Quitter, max_episode_steps=30)
 gymnasium.register("Point-v0", Point, max_episode_steps=30)
 '''
@@ -264,6 +278,21 @@ def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.Monk
     assert {result.id.budget for result in trained} <= {"probe", "rung-1"}
 
 
+def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    played, planned = Played(monkeypatch, {}), dict[float, float]()
+    for minutes in (3.0, 4.0):
+        played.now = 0.0
+        posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+        posed.begin(minutes)
+        (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100])
+        cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
+        Trainer(posed, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
+        seconds = posed.task.budget("final").seconds
+        assert seconds is not None
+        planned[minutes] = seconds
+    assert planned[3.0] > 1.2 * planned[4.0]
+
+
 def test_with_much_time_another_agent_races() -> None:
     task = pose(Problem("CartPole-v1", FORMULA), Path("out")).task
     assert {each.agent for each in contestants(task, 10)} == {"dqn"}
@@ -316,6 +345,20 @@ def test_signals_from_the_info() -> None:
     near = content["signals"]["near"]
     assert (near["expression"], near["low"]) == ("far + abs(goal)", 0.0)
     assert 3 < near["high"] <= 11
+
+
+@pytest.mark.usefixtures("made")
+def test_words_in_an_observation_are_left_out() -> None:
+    posed = pose(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
+    assert posed.task.source.observed.size == 1
+    assert posed.task.source.observed.flat({"place": np.array([0.5]), "word": Word().sample()}).tolist() == [0.5]
+
+
+class Word(gymnasium.Space[str]):
+    """No numbers, as MiniGrid's mission."""
+
+    def sample(self, mask: Any = None, probability: Any = None) -> str:
+        return "go"
 
 
 @pytest.mark.usefixtures("made")
