@@ -15,6 +15,7 @@ from statistics import median
 import ablation
 import joss
 import recorded
+import solve_foreign
 import survey
 from recorded import Row, estimate, number
 
@@ -339,6 +340,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-tuned": lambda: whole(survey.tuned()),
         "survey-planned": lambda: whole(survey.planned()),
     },
+    "docs/howto/solve.md": {"solve-foreign": solve_foreign.page, "solve-race": solve_foreign.race_page},
     "docs/explanation/auto.md": {"auto": auto, "auto-field": auto_field},
     "docs/explanation/suite.md": {"suite": suite},
     "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},

@@ -93,6 +93,8 @@ def page() -> str:
 
 def race_page() -> str:
     """Seconds of `solve` and of each peer, one row per task; more than so many where 95 % were not reached."""
+    if not RACE.is_file():
+        return "Not measured yet: `make bench PARTS=tests/benchmarks/test_solve.py`."
     lines = ["| task | `solve` | PPO | SAC | TD3 | DQN | fastest peer / `solve` |", "|---|--:|--:|--:|--:|--:|--:|"]
     cells = rows(RACE)
     for task in dict.fromkeys(row["task"] for row in cells):

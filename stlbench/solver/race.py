@@ -236,7 +236,7 @@ class Trainer:
             waves = _waves(count, self._at_once)
             first = given / sum(wave * _TIMES**rung for rung, wave in enumerate(waves))
             checkpoints, seconds = self._training(first, apart)
-            if seconds >= _ENOUGH * steps * each:
+            if seconds >= _ENOUGH * steps * each and first >= 2 * apart:
                 for rung in range(len(waves)):
                     checkpoints, seconds = self._training(first * _TIMES**rung, apart)
                     self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints)
