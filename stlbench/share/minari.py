@@ -91,7 +91,8 @@ def _write(folder: Path, group: Sequence[Result], name: str, place: Path) -> Pat
             labels.append({"robustness": episode.robustness, "satisfied": episode.satisfied, **made_by})
     (place / "data").mkdir(parents=True)
     task = played.task
-    storage = MinariStorage.new(place / "data", *_spaces(task, played.episodes[0]), data_format="hdf5")
+    data = (place / "data").absolute()  # Minari goes wrong with a relative path
+    storage = MinariStorage.new(data, *_spaces(task, played.episodes[0]), data_format="hdf5")
     storage.update_metadata(
         {
             "dataset_id": name,

@@ -17,7 +17,7 @@ from stlbench.task import load_task
 TITLED = re.compile(r'^```(?:yaml|python) title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 STUDY = "tasks: ./cart-reach\nmethods: funnel\nseeds: 1\nbudget: smoke\n"
 CONTROLLERS = "import numpy as np\ndef energy(state, t): return np.zeros((len(state), 1))\n"
-FIRST = ("--tasks", "hold-disc,robot-nav", "--methods", "funnel,funnel[variant=code],flag,raw")
+FIRST = ("--tasks", "hold-disc,reach-stay,robot-nav", "--methods", "funnel,funnel[variant=code],flag,raw")
 
 
 def titled(page: str, folder: Path) -> None:
@@ -48,7 +48,7 @@ def own_task(folder: Path) -> None:
 
 
 def policies(folder: Path) -> None:
-    """Policies and traces from outside, for the discs and lunar-lander, and a controller for the pendulum."""
+    """Policies and traces from outside, for reach-stay and lunar-lander, and a controller for the pendulum."""
     import gymnasium
     import stable_baselines3
     import torch
@@ -57,14 +57,14 @@ def policies(folder: Path) -> None:
 
     (folder / "my_controllers.py").write_text(CONTROLLERS)
     titled("howto/policies.md", folder)
-    traces(folder / "recorded.csv", "hold-disc")
+    traces(folder / "recorded.csv", "reach-stay")
     sizes = pairwise((3, 256, 256, 256, 21 * 9))
     layers = [part for pair in sizes for part in (torch.nn.Linear(*pair), torch.nn.ReLU())]
     torch.save(torch.nn.Sequential(*layers[:-1]).state_dict(), folder / "authors.pth")
-    own = gymnasium.make("stlbench/hold-disc-v0", method="raw")
+    own = gymnasium.make("stlbench/reach-stay-v0", method="raw")
     for name, environment in {"model": own, "lander": gymnasium.make("LunarLander-v3", continuous=True)}.items():
         stable_baselines3.PPO("MlpPolicy", environment, device="cpu", seed=0).save(folder / name)
-    assert stlbench(["export-policy", "hold-disc/flag/dqn/0", "policy.onnx", "--results", "results"]).exit_code == 0
+    assert stlbench(["export-policy", "reach-stay/flag/dqn/0", "policy.onnx", "--results", "results"]).exit_code == 0
 
 
 def file_of_study(folder: Path) -> None:
