@@ -18,9 +18,9 @@ from recorded import Seeds, by_hand, number, recorded
 
 from stlbench.report.figures.files import save_svg
 from stlbench.report.figures.style import COLOURS, now, styled
-from stlbench.report.statistics.differences import Difference, Pair, differences
-from stlbench.report.statistics.intervals import median
 from stlbench.report.tables.comparisons import MATTERS
+from stlbench.statistics.differences import Difference, Pair, differences
+from stlbench.statistics.intervals import median
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "ablation.svg"
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from stlbench.report.statistics import across, sampled
-from stlbench.report.statistics.intervals import mean_interval, median_interval
+from stlbench.statistics import across, sampled
+from stlbench.statistics.intervals import mean_interval, median_interval
 
 Array = NDArray[np.float64]
 Sizes = tuple[int, ...]

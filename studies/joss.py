@@ -9,7 +9,7 @@ import recorded
 from recorded import Row, number
 
 from stlbench.registry import plugins
-from stlbench.report.statistics.intervals import share_interval
+from stlbench.statistics.intervals import share_interval
 
 PAIR = ("funnel", "raw")
 STUDIES = ("reference", "survey", "field", "ablation")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stlbench.records.result import LEARNED
-from stlbench.report.statistics.intervals import median, median_interval
+from stlbench.statistics.intervals import median, median_interval
 
 RESULTS = Path(__file__).parents[1] / "results"
 

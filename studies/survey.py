@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from recorded import Row, Seeds, by_hand, cells, estimate, first_field, table
 
 from stlbench.report.figures.style import COLOURS
-from stlbench.report.statistics.intervals import median, median_interval
+from stlbench.statistics.intervals import median, median_interval
 from stlbench.task import load_task
 
 STUDY = Path(__file__).parent / "survey.yaml"

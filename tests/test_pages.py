@@ -12,7 +12,7 @@ import pytest
 
 from stlbench import Results
 from stlbench.records.result import LEARNED, reported
-from stlbench.report.statistics.intervals import median, median_interval
+from stlbench.statistics.intervals import median, median_interval
 from stlbench.task import build_method, load_task
 
 ROOT = Path(__file__).parents[1]

@@ -29,8 +29,8 @@ from scipy import special
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.status import ACCIDENTS
-from stlbench.report.statistics.differences import holm
-from stlbench.report.statistics.intervals import median_interval
+from stlbench.statistics.differences import holm
+from stlbench.statistics.intervals import median_interval
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]

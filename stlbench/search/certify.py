@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from stlbench.errors import UsageError
-from stlbench.report.statistics.intervals import Interval, share_interval, share_sequence
 from stlbench.search.actor import Actor, Unsearchable
 from stlbench.search.space import space_of
+from stlbench.statistics.intervals import Interval, share_interval, share_sequence
 from stlbench.study.cell import derive_seed
 
 STARTS = 1000  # default number of starts without a rule to stop

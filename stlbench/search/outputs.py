@@ -12,10 +12,10 @@ import numpy as np
 from stlbench.records import npz, outputs
 from stlbench.report.figures.counterexample import counterexample
 from stlbench.report.figures.files import file_name, save
-from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
+from stlbench.statistics.intervals import Interval
 
 
 def falsifications(results: Sequence[Falsification]) -> Table:

@@ -25,9 +25,9 @@ from stlbench.report.figures.style import (
     pages,
     styled,
 )
-from stlbench.report.statistics.across import Estimate, profile
 from stlbench.report.tables.across import Entry, Field
 from stlbench.report.tables.alignment import Aligned
+from stlbench.statistics.across import Estimate, profile
 
 _COARSE = (0.0, 0.5, 0.9, 0.99, 0.999)
 _FINE = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)

@@ -22,11 +22,11 @@ from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
 from stlbench.report.figures.style import Colours, colours_of, fitting, now, pages, rc
-from stlbench.report.statistics.sampled import FEWEST
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Width
+from stlbench.statistics.sampled import FEWEST
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,8 +17,8 @@ from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import Scale, parts, robustness_unit, time_label
 from stlbench.report.figures.style import SINGLE, Colours, GroupStyle, now, styled, styles
 from stlbench.report.figures.trajectories import part_keys
-from stlbench.report.statistics.intervals import MeanCurve, mean_curve, median, median_interval
 from stlbench.report.tables.rows import Group
+from stlbench.statistics.intervals import MeanCurve, mean_curve, median, median_interval
 from stlbench.task.task import Task
 
 METHODS_PER_OVERVIEW = 6

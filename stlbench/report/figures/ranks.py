@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from stlbench.report.figures import layout
 from stlbench.report.figures.style import INK, Colours, now, styled
-from stlbench.report.statistics.critical import ranking
 from stlbench.report.tables.across import Field
+from stlbench.statistics.critical import ranking
 
 _AROUND, _ROW = 1.0, 0.2
 """Inches: around the rows, and of a row."""

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics import across
-from stlbench.report.statistics.across import Estimate, Runs
-from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.comparisons import Contest, contests
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import Group, Row, unfinished
 from stlbench.report.tables.table import Column, Table, Value
+from stlbench.statistics import across
+from stlbench.statistics.across import Estimate, Runs
+from stlbench.statistics.intervals import Interval
 
 FEWEST_TASKS = 3
 """Tasks of an aggregate, at least. It has two methods at least."""

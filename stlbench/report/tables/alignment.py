@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from stlbench.records.status import NOT_RUN
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics.intervals import mean
 from stlbench.report.tables.controllers import Known, best_known
 from stlbench.report.tables.rows import Group, maximised, split
 from stlbench.report.tables.table import Column, Table
+from stlbench.statistics.intervals import mean
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

@@ -9,9 +9,9 @@ from operator import attrgetter
 from stlbench.records.identity import IDENTITY
 from stlbench.records.result import Measurement, Score
 from stlbench.records.status import ACCIDENTS
-from stlbench.report.statistics.intervals import Interval, mean_interval, share_interval
 from stlbench.report.tables.rows import SETTING, Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value
+from stlbench.statistics.intervals import Interval, mean_interval, share_interval
 
 _APART = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
 """What has no column, or one of the last."""

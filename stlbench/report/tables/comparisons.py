@@ -8,11 +8,11 @@ from itertools import combinations
 
 from stlbench.records.identity import Track
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics.differences import MOST_SEEDS, Difference, Pair, differences
-from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import Group, shared_columns
 from stlbench.report.tables.table import Column, Table
+from stlbench.statistics.differences import MOST_SEEDS, Difference, Pair, differences
+from stlbench.statistics.intervals import Interval
 
 Contest = tuple[Group, ...]  # groups that differ in the method alone, in the order of their names
 MATTERS = 0.05

@@ -7,12 +7,12 @@ from functools import partial
 
 from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics.intervals import FEWEST, Interval, mean, median, median_interval, share_interval
 from stlbench.report.tables.cells import ENDED_EARLY, percent
 from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import SETTING, Group, shared_columns
 from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
+from stlbench.statistics.intervals import FEWEST, Interval, mean, median, median_interval, share_interval
 
 
 def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) -> Table:

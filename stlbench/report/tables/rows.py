@@ -14,8 +14,8 @@ from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, numbers, reported
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.registry import plugins
-from stlbench.report.statistics.intervals import mean
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
+from stlbench.statistics.intervals import mean
 
 _T = TypeVar("_T")
 CurveRow = tuple[int, float, float]

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.report.statistics import sampled
-from stlbench.report.statistics.across import Estimate
-from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.across import Entry, Field
 from stlbench.report.tables.table import Column, Table, Value
+from stlbench.statistics import sampled
+from stlbench.statistics.across import Estimate
+from stlbench.statistics.intervals import Interval
 
 ALL = "all"
 

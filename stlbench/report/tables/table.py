@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeVar
 
-from stlbench.report.statistics.intervals import Interval
+from stlbench.statistics.intervals import Interval
 
 Width = Literal["column", "page"]
 """What a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""

@@ -8,8 +8,8 @@ from stlbench.report.figures.across import across_tasks, place, ticks
 from stlbench.report.figures.files import drawings_across
 from stlbench.report.figures.ranks import ranks
 from stlbench.report.figures.style import COLOURS
-from stlbench.report.statistics import across
 from stlbench.report.tables.across import Entry, Field
+from stlbench.statistics import across
 
 COLOURED = dict(zip(["bad", "good", *(f"method-{i}" for i in range(9))], COLOURS, strict=False))
 GOOD = Entry("good", ((0.99, 0.9), (0.9, 0.99), (0.9, 0.9)), "")

@@ -13,7 +13,7 @@ from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.methods import learning_curves
 from stlbench.report.figures.regions import Scale
 from stlbench.report.figures.style import colours_of
-from stlbench.report.statistics.intervals import mean_interval
+from stlbench.statistics.intervals import mean_interval
 
 
 def curve(*points):

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.report.statistics.across import Array
-from stlbench.report.statistics.intervals import LEVEL
+from stlbench.statistics.across import Array
+from stlbench.statistics.intervals import LEVEL
 
 
 class Ranking(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.report.statistics.intervals import LEVEL, Interval
+from stlbench.statistics.intervals import LEVEL, Interval
 
 Array = NDArray[np.float64]
 Runs = Sequence[Array]  # one array (n,) per task

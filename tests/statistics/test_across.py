@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.report.statistics import across
+from stlbench.statistics import across
 
 ONE = [
     [0.902, 0.874, 0.928, 0.808, 0.934, 0.923],

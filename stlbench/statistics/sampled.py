@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.report.statistics.across import Array, Estimate, Runs
-from stlbench.report.statistics.intervals import LEVEL, Interval, share_interval
+from stlbench.statistics.across import Array, Estimate, Runs
+from stlbench.statistics.intervals import LEVEL, Interval, share_interval
 
 FEWEST = 8
 """Tasks of an interval, at least."""

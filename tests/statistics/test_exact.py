@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.report.statistics.differences import exact_test
+from stlbench.statistics.differences import exact_test
 
 COMPUTED = exact_test.__wrapped__
 """Without its cache, which simulations would fill."""

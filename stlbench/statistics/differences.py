@@ -21,7 +21,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.report.statistics.intervals import LEVEL, Interval
+from stlbench.statistics.intervals import LEVEL, Interval
 
 Array = NDArray[np.float64]
 Sample = tuple[tuple[float, bool], ...]  # for each seed its value, which is finite, and whether it learned the task

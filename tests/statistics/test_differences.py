@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.report.statistics.differences import MOST_SEEDS, Pair, differences, exact_test, holm
+from stlbench.statistics.differences import MOST_SEEDS, Pair, differences, exact_test, holm
 
 NORMAL = (stats.norm.ppf((np.arange(10) + 0.5) / 10) * 1.04).tolist()
 """Ten seeds that look as normal as ten can."""

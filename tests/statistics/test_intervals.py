@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from stlbench.report.statistics.intervals import (
+from stlbench.statistics.intervals import (
     aligned,
     log_evidence,
     mean_curve,

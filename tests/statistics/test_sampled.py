@@ -7,8 +7,8 @@ import pytest
 from helpers.studies import load
 from scipy import stats
 
-from stlbench.report.statistics import sampled
-from stlbench.report.statistics.critical import Ranking, ranking
+from stlbench.statistics import sampled
+from stlbench.statistics.critical import Ranking, ranking
 
 TASKS = [
     np.array(seeds)
