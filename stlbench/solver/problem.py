@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -18,18 +17,15 @@ from stlbench import stl
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.outputs import write
-from stlbench.records.result import LEARNED, Score
+from stlbench.records.result import Score
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.solver import witness
+from stlbench.rollout import baselines
+from stlbench.solver import tries, witness
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.task import Task, load_task
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_sketch import info_ends, sketch
-from stlbench.task.windows import windows
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
@@ -40,10 +36,8 @@ the last."""
 _MOST_SEARCHED = 3.0
 """No witness is searched where one generation would take so many times the seconds of a search."""
 _NOTHING = 1e-300  # bounds are rounded outward, 0 too
-_MEASURED = 3.0
-"""Seconds for which the speed of the simulation is measured, at most."""
-_FEWEST, _AT_MOST, _CONSTANTS = 16, 16, 50
-"""Starts of a score at least, starts from which constant actions are compared at most, and about how many are."""
+_AT_MOST, _CONSTANTS = 16, 50
+"""Starts from which constant actions are compared at most, and about how many are."""
 _DECISIONS = 200
 """An action is held for as many steps as leave at most so many decisions in an episode."""
 _BY_HAND = {"notes", "rewarded", "nested", "training", "features", "best_known", "baselines", "protocols", "budgets"}
@@ -154,10 +148,10 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
     _write(home / _FILE, content)
     folders.know(home, instead=True)
     task = load_task(TASK)
-    _try_at_random(task)
-    episode = _episode_seconds(task)
+    tries.try_at_random(task)
+    episode = tries.episode_seconds(task)
     if isinstance(task.dynamics, GymTask):  # each copy is stepped by itself, which may take long
-        content["starts"] = int(np.clip(_LOOK * seconds / episode, _FEWEST, task.file.starts))
+        content["starts"] = int(np.clip(_LOOK * seconds / episode, tries.FEWEST, task.file.starts))
         _write(home / _FILE, content)
         task = load_task(TASK)
     found = baselines.constants(task, int(np.clip(_LOOK * seconds / (_CONSTANTS * episode), 1, _AT_MOST)))
@@ -173,7 +167,7 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
     if nearest is not None and nearest.satisfies:
         facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
         write(home.parent / WITNESS, json.dumps(facts))
-    return list(_notes(load_task(TASK), found, random, nearest)), episode
+    return list(tries.notes(load_task(TASK), found, random, nearest)), episode
 
 
 def _probe(steps: int) -> dict[str, Any]:
@@ -321,65 +315,3 @@ def _check_horizon(formula: stl.Formula, steps: int, environment: str) -> None:
 def _has_goals(formula: stl.Formula) -> bool:
     """Whether an environment may end because something was reached: an operator asks for some time, not for all."""
     return any(isinstance(node, stl.Eventually | stl.Until) for node in walk(formula))
-
-
-# --------------------------------------------------------------------------------------------------------- first tries
-
-
-def _try_at_random(task: Task) -> None:
-    """Raises `UsageError` where episodes of random actions end at once, or a signal never changes."""
-    policy, starts = baselines.AtRandom(task), task.starts.report_and_selection()[0][:_FEWEST]
-    episodes = referee.record(task, Unpaid(task.specification), policy, starts)
-    if isinstance(task.dynamics, GymTask) and episodes.lasted.max() <= max(1, task.file.hold):
-        raise UsageError(f"the environment ends at once: {len(starts)} of {len(starts)} random episodes had one step")
-    for place, name in enumerate(task.signals):
-        samples = episodes.traces[..., place]
-        if np.nanmax(samples) == np.nanmin(samples) and not _is_flag(task, name):
-            value = f"{np.nanmax(samples):g} in {len(starts)} episodes of random actions"
-            raise UsageError(f"signal {name} is constant, {value}; a formula is over signals that change")
-
-
-def _episode_seconds(task: Task) -> float:
-    """Of an episode that lasts to the end, one of several that are simulated side by side."""
-    environment = BatchEnvironment(task, Unpaid(task.specification), _FEWEST, seed=0)
-    policy, nothing = baselines.AtRandom(task), np.empty((_FEWEST, 0))
-    began = time.perf_counter()
-    while environment.taken < _FEWEST * task.file.steps and time.perf_counter() - began < _MEASURED:
-        environment.step(policy.act(nothing))
-    return (time.perf_counter() - began) * task.file.steps / environment.taken
-
-
-def _is_flag(task: Task, name: str) -> bool:
-    """Whether it is an entry of the info that is 0 or 1: random actions may never reach a success."""
-    if not isinstance(task.dynamics, GymTask):
-        return False
-    text = task.file.signals[name].expression or name
-    return text in task.source.expressions.from_info and task.file.box[name] == (0, 1)
-
-
-def _of_search(nearest: witness.Nearest | None) -> str:
-    if nearest is None:
-        return "no witness was searched: an episode takes too long for the minutes"
-    tried = f"{nearest.episodes} episodes of held actions from one start"
-    if nearest.satisfies:
-        return f"a witness exists: {tried} found a robustness of {nearest.robustness:.3g}"
-    return f"no witness was found: {tried} reach at most {nearest.robustness:.3g}; others may satisfy"
-
-
-def _notes(task: Task, found: baselines.Constants, random: Score, nearest: witness.Nearest | None) -> Iterator[str]:
-    for window in windows(task.formula):
-        if stl.bounds(window.psi, task.file.box, nodes=2000).high < 0:
-            yield f"impossible: '{window.psi}' holds nowhere within the ranges of the signals"
-    action = ", ".join(f"{value:.3g}" for value in found.action)
-    tried = {"the action zero": found.zero, f"the constant action {action}": found.best, "random actions": random}
-    for name, score in tried.items():
-        if score.satisfaction >= LEARNED:
-            yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
-    yield _of_search(nearest)
-    if random.ended_early:
-        meaning = {
-            "hold": "the last sample then stays to the end of the episode",
-            "violated": "the formula is then violated",
-            "interval": "the formula is then satisfied if every continuation satisfies it",
-        }[task.file.terminated]
-        yield f"the environment ended {100 * random.ended_early:.0f} % of random episodes early: {meaning}"
