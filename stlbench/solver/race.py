@@ -13,20 +13,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.result import Result
-from stlbench.registry import plugins
-from stlbench.rollout.auto import automatic, in_turn
+from stlbench.solver.contestants import Contestant, best_first, contestants, rank
 from stlbench.solver.problem import TASK, Posed
 from stlbench.solver.solution import FINAL, RACE, cells_of
 from stlbench.study.run import build_executor, run_study
-from stlbench.study.tracks import own_agent_on
 from stlbench.study.tuning import FIRST_SEED
-from stlbench.task import Task, build_agent, fitting_methods
 
-_MOST = 4  # contestants
 _TIMES = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
 _RACE, _DELIVERY = 0.4, 0.2
@@ -48,61 +43,6 @@ _SLACK = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
 _HANGING = 600.0
 """Seconds after which a training is stopped that does not reach its checkpoints, beside three times its own."""
-_LONG = 20
-"""From so many minutes on a second agent races too."""
-_SECOND = {"dqn": "sb3-dqn", "td3": "sb3-sac"}
-"""A task's own agent -> the second one."""
-
-
-def rank(result: Result) -> tuple[float, float]:
-    """The better, the greater: satisfaction, then robustness, from the starts for selection."""
-    if result.measurement is None:
-        return -math.inf, -math.inf
-    point = result.measurement.selection
-    return point.satisfaction, point.robustness_mean
-
-
-def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
-    """Results of the final training and of the race. Of equal shares of starts, the final training's come first."""
-    trained = [*sorted(finals, key=rank, reverse=True), *sorted(race, key=rank, reverse=True)]
-    return sorted(trained, key=lambda result: rank(result)[0], reverse=True)
-
-
-@dataclass(frozen=True)
-class Contestant:
-    """A method, and the agent that trains with it."""
-
-    method: str
-    agent: str
-
-    @classmethod
-    def of(cls, result: Result) -> Contestant:
-        """Who trained."""
-        return cls(str(result.id.method), str(result.id.agent))
-
-
-def contestants(task: Task, minutes: float) -> tuple[Contestant, ...]:
-    """At most four: methods that fit with the task's agent, and with much time the first of them with another agent."""
-    own = own_agent_on(task, "auto")
-    derived = automatic(task, own)
-    fitting = fitting_methods(derived)
-    if not fitting:
-        raise UsageError(
-            f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
-        )
-    methods = in_turn(fitting, task.formula)
-    second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
-    return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
-
-
-def _second(task: Task, own: str) -> list[str]:
-    """The other agent for the same actions, where it is installed."""
-    agent = _SECOND.get(own, own)
-    try:
-        build_agent(automatic(task, agent), agent)
-    except (Unsuitable, UsageError):
-        return []
-    return [] if agent == own else [agent]
 
 
 @dataclass

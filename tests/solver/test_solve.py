@@ -21,8 +21,9 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.rollout import referee
+from stlbench.solver.contestants import Contestant, best_first, contestants, rank
 from stlbench.solver.problem import Problem, pose
-from stlbench.solver.race import Clock, Contestant, Trainer, best_first, contestants, rank
+from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.run import _folder
 from stlbench.solver.solution import Solution
 from stlbench.study.results import Results
