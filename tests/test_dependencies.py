@@ -38,7 +38,7 @@ def imported() -> Iterator[str]:
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
     names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit", "tensorboard", "wandb")
-    names += ("dm", "parquet", "petting")
+    names += ("dm", "minari", "parquet", "petting")
     chosen = (extras[name] for name in names)
     wanted = declared([*PROJECT["dependencies"], *(line for extra in chosen for line in extra)])
     providers = packages_distributions()

@@ -60,7 +60,7 @@ def test_a_row_by_hand(hook: ModuleType) -> None:
     rows = hook.table("agents", "td3").splitlines()
     assert rows[0] == "| parameter | type | default | meaning |"
     assert (
-        "| `tau` | float, >= 0, &lt;= 1 | `0.01` | weight of the online networks in an update of the targets, "
+        "| `tau` | float, >= 0, &lt;= 1 | `0.01` | weight of the online networks in an update of the targets; "
         in (rows[11])
     )
 
