@@ -1,10 +1,10 @@
 """One training of the race of `stlbench solve` against Stable-Baselines3, in a process of its own.
 
     python -m benchmarks.solve_race TASK PEER SEED LIMIT     trains PPO, SAC, TD3 or DQN
-    python -m benchmarks.solve_race TASK solve FOLDER        checks the policy that `stlbench solve` wrote
+    python -m benchmarks.solve_race TASK solve FOLDER        checks the policies that `stlbench solve` trained
 
 Each prints a line of JSON. The time of a peer is its CPU time, imports included and checks left out, until
-95 % of the fresh starts are satisfied, or until the limit.
+95 % of the fresh starts are satisfied, or until the limit. `solve` is measured alike, at the end of each training.
 """
 
 from __future__ import annotations
@@ -213,26 +213,37 @@ def train(entry: Entry, algorithm: str, seed: int, limit: float) -> dict[str, An
 
 
 def solved(entry: Entry, folder: Path) -> dict[str, Any]:
-    """What the policy in a folder of `stlbench solve` is worth from the fresh starts."""
-    from stlbench.rollout.referee import record
-    from stlbench.solver.solution import Solution, cells_of
-    from stlbench.study.policies import load_policy
-    from stlbench.study.results import Results
+    """What the policies in a folder of `stlbench solve` are worth from the fresh starts: the delivered one, and each.
 
-    solution = Solution.load(folder, run_code=True)
-    name, budget = solution.certificate["cell"], solution.certificate["budget"]
-    cells = folder / cells_of(budget)
-    task, method, policy = load_policy(cells, Results.load(cells).cell(name, budget))
-    traces = record(task, method, policy, starts(entry, FRESH)).traces
-    names = list(task.signals)
-    traces = traces[:, : stl.horizon(entry.requirement) + 1, [names.index(name) for name in entry.names]]
-    facts = {key: solution.certificate[key] for key in ("cell", "low", "probability")}
-    share = satisfied(entry, traces)
-    return {"reached": share >= WANTED, "share": share, **facts}
+    `trained` maps a training's key to its share.
+    """
+    from stlbench.records import stored
+    from stlbench.records.result import Result
+    from stlbench.rollout.referee import record
+    from stlbench.solver.solution import FINAL, RACE, Solution
+    from stlbench.study.policies import load_policy
+
+    def share(cells: Path, result: Result) -> float:
+        task, method, policy = load_policy(cells, result)
+        traces = record(task, method, policy, starts(entry, FRESH)).traces
+        names = list(task.signals)
+        kept = [names.index(name) for name in entry.names]
+        return satisfied(entry, traces[:, : stl.horizon(entry.requirement) + 1, kept])
+
+    certificate = Solution.load(folder, run_code=True).certificate
+    shares = {
+        result.key: share(folder / name, result)
+        for name in (RACE, FINAL)
+        if (folder / name).is_dir()
+        for result in stored.read(folder / name)
+        if result.measurement is not None
+    }
+    facts = {key: certificate[key] for key in ("cell", "low", "probability")}
+    return {"share": shares[certificate["key"]], "trained": shares, **facts}
 
 
 def main(task: str, *words: str) -> None:
-    """Print the line of a peer's training, or of a folder that `stlbench solve` wrote."""
+    """Print the line of a peer's training, or of a folder of `stlbench solve`."""
     logging.getLogger().setLevel(logging.ERROR)  # rtamt warns at every formula
     entry = ENTRIES[task]
     if words[0] == "solve":
