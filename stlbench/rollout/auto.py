@@ -60,7 +60,7 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 """Parameters of agents, the same for every task; another agent trains with its defaults."""
 
 PATIENCE = 4
-"""Checkpoints without a better one after which a training that satisfies may end."""
+"""Checkpoints without a better one after which a training that satisfies may end, where its budget does not say."""
 EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
 LENGTH = 40
@@ -98,7 +98,8 @@ def automatic(task: Task, agent: str) -> Task:
                 cuts=cuts(file.formula, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
             ),
             "budgets": {
-                name: budget.model_copy(update={"patience": PATIENCE}) for name, budget in file.budgets.items()
+                name: budget.model_copy(update={"patience": budget.patience or PATIENCE})
+                for name, budget in file.budgets.items()
             },
             "agents": {agent: recipe(agent, task)},
         }

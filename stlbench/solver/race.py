@@ -33,6 +33,8 @@ _EPISODES, _LEAST = 20, 3000
 _SCORING, _CHECKPOINTS = 0.2, (4, 20)
 """The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
 _GLANCE = 8  # starts from which a checkpoint is scored during a training
+_PATIENCE = 1
+"""Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 _LONGER = 4
@@ -149,7 +151,7 @@ class Trainer:
     def _limit_probe(self) -> None:
         """No probe may last: a slow environment would use up all time before anything is known of its speed."""
         steps = self.posed.task.budget("probe").steps
-        self._write("probe", steps, _PROBE * 60 * self.clock.minutes, checkpoints=10)
+        self._write("probe", steps, _PROBE * 60 * self.clock.minutes, checkpoints=10, patience=_PATIENCE)
 
     def _chosen(self, racing: Sequence[Contestant], probe: Result) -> list[Contestant]:
         """Those that race, as they were chosen before or by `_plan`."""
@@ -179,7 +181,7 @@ class Trainer:
             if seconds >= _ENOUGH * steps * each and first >= 2 * apart:
                 for rung in range(len(waves)):
                     checkpoints, seconds = self._training(first * _TIMES**rung, apart)
-                    self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints)
+                    self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints, _PATIENCE)
                 break
             count -= 1
         methods = [str(contestant.method) for contestant in racing[:count]]
@@ -192,9 +194,10 @@ class Trainer:
         checkpoints = int(np.clip(_SCORING * seconds / scored, *_CHECKPOINTS))
         return checkpoints, max(seconds / 2, seconds - apart - checkpoints * scored)
 
-    def _write(self, name: str, steps: int, seconds: float, checkpoints: int) -> None:
+    def _write(self, name: str, steps: int, seconds: float, checkpoints: int, patience: int | None = None) -> None:
         """Write a budget of about so many steps, which should take so many seconds."""
         hold = self.posed.task.file.hold
+        few = {} if patience is None else {"patience": patience}
         self.posed.budget(
             name,
             steps=steps // hold * hold,
@@ -203,6 +206,7 @@ class Trainer:
             deadline=float(round(_HANGING + 3 * seconds)),
             checkpoints=checkpoints,
             random_starts=0,
+            **few,
         )
 
     @property

@@ -21,6 +21,7 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.rollout import referee
+from stlbench.rollout.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, best_first, contestants, rank
 from stlbench.solver.problem import Problem, pose
 from stlbench.solver.race import Clock, Trainer
@@ -28,6 +29,7 @@ from stlbench.solver.run import _folder
 from stlbench.solver.solution import Solution
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
+from stlbench.task import load_task
 
 FORMULA = "G[0,20] abs(theta) <= 0.15"
 HARD = "G[0,20] abs(theta) <= 0.04"
@@ -262,6 +264,23 @@ def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: 
         ("final", "raw", 201),
     ]
     assert [result.id.seed for result in trained] == [101, 201, 200]
+
+
+def test_a_training_of_the_race_ends_once_it_satisfies(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The race asks only who learns. What is delivered may still become better."""
+    Played(monkeypatch, {})
+    raced(30.0)
+    budgets = load_task("task").file.budgets
+    assert {name: budget.patience for name, budget in budgets.items()} == {
+        "probe": 1,
+        "rung-1": 1,
+        "rung-2": 1,
+        "final": None,
+    }
+    helped = automatic(load_task("task"), "dqn").file.budgets
+    assert (helped["probe"].patience, helped["final"].patience) == (1, PATIENCE)
 
 
 def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
