@@ -37,7 +37,6 @@ INSTEAD = {
     "--resolution 0.6": ("--resolution 0.2", "takes 10 seconds"),
     "plan overlap": ("plan hold-disc --resolution 0.2", "takes minutes"),
     "without=cuts gamma=1": ("gamma=0.9", "hold-disc has no cuts"),
-    "robot-nav,reach-stay": ("hold-disc-coarse", "dearer tasks"),
     "--trials 20": ("--trials 2", "takes as long as 60 cells a method"),
     "--least": ("--least --evaluations 100", "takes 10 seconds a controller"),
     "20_000": ("1", "takes 15 seconds"),
