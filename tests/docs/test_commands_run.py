@@ -22,9 +22,7 @@ NOT_RUN = {
     "tensorboard": "is another program, which serves until it is stopped",
     "docker": "needs Docker; tests/test_container.py checks the files",
     "git": "changes a repository; the commands of stlbench beside it run",
-    "python studies/paper_figures.py": "draws policies that are not in the repository",
     "python -m pytest plugins/example": "tests/test_example_plugin.py runs these tests",
-    "stlbench render results/paper": "films what `make reproduce TABLE=paper-figures` trains",
 }
 """How lines begin that no test types, and why."""
 
