@@ -100,7 +100,8 @@ def race_page() -> str:
     cells = rows(RACE)
     for task in dict.fromkeys(row["task"] for row in cells):
         by = {row["contestant"]: row for row in cells if row["task"] == task}
-        ours = [row for name, row in by.items() if name.startswith("solve")]
+        if not (ours := [row for name, row in by.items() if name.startswith("solve")]):
+            continue
         whole, learned = sum(float(row["whole"]) for row in ours), ours[-1]["reached"] == "True"
         seconds = whole - float(ours[-1]["whole"]) + float(ours[-1]["cpu"])
         peers = {name: row for name, row in by.items() if not name.startswith("solve")}

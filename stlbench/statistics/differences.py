@@ -205,10 +205,10 @@ def exact_test(one: Sample, other: Sample) -> tuple[Look, ...]:
     # for each deal, the share of deals whose statistic is as large as its own
     chances = [1 - np.searchsorted(np.sort(each), each * (1 - _TIE), side="left") / len(each) for each in sizes]
     least = np.min(chances, axis=0)
-    whats: tuple[Respect, ...] = ("mean", "rank", "learned")
+    respects: tuple[Respect, ...] = ("mean", "rank", "learned")
     return tuple(
         Look(what, float(np.mean(least <= own[0] * (1 + _TIE))), int(np.sign(values[0])))
-        for what, own, values in zip(whats, chances, statistics, strict=True)
+        for what, own, values in zip(respects, chances, statistics, strict=True)
     )
 
 
