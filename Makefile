@@ -75,7 +75,7 @@ soak: $(VENV)/ready-dev
 ## time. See docs/reproduction.md.
 TABLE :=
 reproduce:
-	@VENV=$(VENV) MAKE=$(MAKE) $(PYTHON) studies/reproduce.py $(TABLE)
+	@VENV=$(VENV) $(PYTHON) studies/reproduce.py $(TABLE)
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest site dist build

@@ -69,7 +69,7 @@ def main(words: list[str]) -> int:
     venv = os.environ.get("VENV", ".venv")
     environment = os.environ | {"PATH": f"{ROOT / venv / 'bin'}{os.pathsep}{os.environ['PATH']}"}
     for command in (
-        [os.environ.get("MAKE", "make"), f"{venv}/ready-all"],
+        ["make", f"{venv}/ready-all"],
         ["bash", "-euxo", "pipefail", str(study.script)],
         ["python", "studies/pages.py"],
     ):

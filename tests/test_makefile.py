@@ -47,3 +47,11 @@ def _make(folder: Path, python: str) -> str:
     assert ran.returncode == 2
     assert not (folder / "venv").exists()
     return ran.stdout + ran.stderr
+
+
+def test_a_dry_run_trains_nothing() -> None:
+    """A line of a recipe that names `$(MAKE)` runs under `make -n` too, and would refuse this table."""
+    command = ["make", "-n", "reproduce", "TABLE=nothing"]
+    dry = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (dry.returncode, dry.stderr) == (0, "")
+    assert "studies/reproduce.py nothing" in dry.stdout
