@@ -65,11 +65,12 @@ def _cells(task: str) -> dict[str, Cell]:
         return {}
     with CELLS.open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["task"] == task]
-    numbers = [{name: float(row[name] or 0) for name in ("cpu", "whole")} for row in rows]
-    return {
-        row["contestant"]: row | number | {"reached": row["reached"] == "True"}
-        for row, number in zip(rows, numbers, strict=True)
-    }
+    return {row["contestant"]: row | _read(row) for row in rows}
+
+
+def _read(row: dict[str, str]) -> Cell:
+    """The columns of a line that are no text; a peer has no `whole`."""
+    return {"cpu": float(row["cpu"]), "whole": float(row["whole"] or 0), "reached": row["reached"] == "True"}
 
 
 def _measured(task: str, contestant: str) -> Cell:

@@ -266,9 +266,7 @@ def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: 
     assert [result.id.seed for result in trained] == [101, 201, 200]
 
 
-def test_a_training_of_the_race_ends_once_it_satisfies(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.MonkeyPatch) -> None:
     """The race asks only who learns. What is delivered may still become better."""
     Played(monkeypatch, {})
     raced(30.0)
