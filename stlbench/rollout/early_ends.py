@@ -12,6 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
+from stlbench.stl.language.structure import value_range
 from stlbench.task.file import EarlyEnd
 
 
@@ -40,7 +41,7 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
     satisfied[~early] = stl.satisfied(formula, complete, names)[:, None]
     if not early.any():
         return Verdicts(robustness, satisfied, early)
-    greatest, least = greatest_and_least(specification, formula)
+    least, greatest = value_range(formula, specification.range)
     rows = np.flatnonzero(early)
     t = last_steps(traces[rows])
     for last in np.unique(t):
@@ -60,39 +61,6 @@ def last_steps(traces: Array) -> Integers:
     missing: Truth = np.logical_and.reduce(np.isnan(traces), axis=2)
     last: Integers = traces.shape[1] - 1 - np.argmin(missing[:, ::-1], axis=1)
     return last
-
-
-def greatest_and_least(specification: Specification, node: stl.Formula) -> tuple[float, float]:
-    """Sound bounds of a formula's robustness over all traces whose signals stay in their ranges."""
-    match node:
-        case stl.Predicate():
-            low, high = specification.range(node)
-            return high, low
-        case stl.Not(arg):
-            high, low = greatest_and_least(specification, arg)
-            return -low, -high
-        case stl.Implies(left, right):
-            return greatest_and_least(specification, stl.Or((stl.Not(left), right)))
-        case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
-            return greatest_and_least(specification, arg)
-        case stl.Until(_, _, left, right):
-            both = greatest_and_least(specification, stl.And((left, right)))
-            return greatest_and_least(specification, right)[0], both[1]
-        case stl.Release(a, b, left, right):
-            dual = greatest_and_least(specification, stl.Until(a, b, stl.Not(left), stl.Not(right)))
-            return -dual[1], -dual[0]
-        case stl.Historically(a, _, arg) | stl.Once(a, _, arg):
-            high, low = greatest_and_least(specification, arg)
-            return (high, low) if a == 0 else (np.inf, low) if isinstance(node, stl.Historically) else (high, -np.inf)
-        case stl.Since(a, b, left, right):
-            high, low = greatest_and_least(specification, stl.Until(a, b, left, right))
-            return high, low if a == 0 else -np.inf
-        case stl.And(args) | stl.Or(args):
-            pick = min if isinstance(node, stl.And) else max
-            highs, lows = zip(*(greatest_and_least(specification, arg) for arg in args), strict=True)
-            return pick(highs), pick(lows)
-        case _:
-            return np.inf, np.inf
 
 
 @dataclass(frozen=True)

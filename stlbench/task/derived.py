@@ -7,12 +7,13 @@ satisfy both formulas. The referee scores the task's own formula.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.stl import And, Formula, Implies, Not, Or, Predicate
+from stlbench.stl import And, Formula, Predicate
+from stlbench.stl.language.syntax import Connective
 from stlbench.task.scales import Box, Scale, scale
 from stlbench.task.windows import Window, windows, with_parts
 
@@ -142,12 +143,8 @@ def _rescaled(psi: Formula, shape: Callable[[_Signed], str], negated: bool = Fal
         case Predicate(op):
             compared = f"{'<' if negated else '>'}{op[1:]}"  # the border counts as before
             return stl.parse(f"{shape((psi, negated))} {compared} 0")
-        case Not(arg):
-            return replace(psi, arg=_rescaled(arg, shape, not negated))
-        case And(args) | Or(args):
-            return replace(psi, args=tuple(_rescaled(arg, shape, negated) for arg in args))
-        case Implies(left, right):
-            return replace(psi, left=_rescaled(left, shape, not negated), right=_rescaled(right, shape, negated))
+        case Connective():
+            return psi.with_operands([_rescaled(arg, shape, own is not negated) for arg, own in psi.signed])
         case _:
             return psi
 
@@ -157,14 +154,9 @@ def _signed(psi: Formula, negated: bool = False) -> Iterator[_Signed]:
     match psi:
         case Predicate():
             yield psi, negated
-        case Not(arg):
-            yield from _signed(arg, not negated)
-        case And(args) | Or(args):
-            for arg in args:
-                yield from _signed(arg, negated)
-        case Implies(left, right):
-            yield from _signed(left, not negated)
-            yield from _signed(right, negated)
+        case Connective():
+            for arg, own in psi.signed:
+                yield from _signed(arg, own is not negated)
 
 
 def _holds(signed: _Signed, names: tuple[str, ...], initial: Array) -> bool:

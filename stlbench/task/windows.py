@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from stlbench import stl
 from stlbench.stl import Always, Eventually, Formula, Historically, Once, Release, Since, Until
@@ -35,16 +35,7 @@ def with_parts(formula: Formula, part: Callable[[Window], Formula]) -> Formula:
 def _rebuilt(formula: Formula, parts: Iterator[Formula]) -> Formula:
     if not stl.is_temporal(formula):
         return next(parts)
-    operands = [_rebuilt(operand, parts) for operand in operands_of(formula)]
-    match formula:
-        case stl.And() | stl.Or():
-            return replace(formula, args=tuple(operands))
-        case Until() | Release() | Since():
-            return replace(formula, left=operands[0], right=operands[1])
-        case Always() | Eventually() | Historically() | Once() | stl.Not():
-            return replace(formula, arg=operands[0])
-        case _:
-            raise AssertionError(f"{type(formula).__name__} stands outside of all windows")
+    return formula.with_operands([_rebuilt(operand, parts) for operand in operands_of(formula)])
 
 
 def _inside(formula: Formula, begin: int, end: int, at_once: bool) -> Iterator[Window]:

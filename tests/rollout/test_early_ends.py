@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Event, Specification
 from stlbench.records.result import MAIN, RANDOM
-from stlbench.rollout.early_ends import EarlyEnds, greatest_and_least, judge, without_end
+from stlbench.rollout.early_ends import EarlyEnds, judge, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
+from stlbench.stl.language.structure import value_range
 
 
 @pytest.mark.parametrize(
@@ -33,8 +34,8 @@ from stlbench.rollout.referee import Referee
 )
 def test_table(formula: str, greatest: float, least: float) -> None:
     box = {"x": (-10.0, 10.0), "y": (-1.0, 1.0)}
-    found = greatest_and_least(specification(formula, box, steps=5), stl.parse(formula))
-    assert found == pytest.approx((greatest, least))
+    found = value_range(stl.parse(formula), specification(formula, box, steps=5).range)
+    assert found == pytest.approx((least, greatest))
 
 
 @settings(max_examples=40)
@@ -42,7 +43,7 @@ def test_table(formula: str, greatest: float, least: float) -> None:
 def test_no_trace_within_the_ranges_is_outside(formula: stl.Formula, seed: int) -> None:
     steps = stl.horizon(formula)
     box = Specification(formula, tuple(NAMES), (-3.0,) * 3, (3.0,) * 3, max(steps, 1), 1.0)
-    high, low = greatest_and_least(box, formula)
+    low, high = value_range(formula, box.range)
     found = stl.robustness(formula, traces(steps + 1, seed), NAMES)
     assert low - 1e-9 <= found <= high + 1e-9
 
@@ -172,7 +173,7 @@ def test_within_the_ranges_what_was_recorded_changes_no_bound(formula: stl.Formu
     steps = max(stl.horizon(formula), 6)
     box = Specification(formula, tuple(NAMES), (-3.0,) * 3, (3.0,) * 3, steps, 1.0)
     recorded = without_end(traces(steps + 1, seed)[None], np.array([last]))
-    least = greatest_and_least(box, formula)[1]
+    least = value_range(formula, box.range)[0]
     assert judge(formula, recorded, box, "violated").robustness.tolist() == [[min(least, 0.0)] * 2]
     ((low, high),) = judge(formula, recorded, box, "interval").robustness
     whole = stl.robustness(formula, traces(steps + 1, seed), NAMES)

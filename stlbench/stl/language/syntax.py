@@ -50,19 +50,8 @@ class Predicate(Node):
 
 
 @dataclass(frozen=True)
-class Not(Node):
-    """`!arg`."""
-
-    level: ClassVar[int] = Level.PREFIX
-    arg: Formula
-
-    def __str__(self) -> str:
-        return f"!{wrap(self.arg, Level.PREFIX)}"
-
-
-@dataclass(frozen=True)
 class Connective(Node):
-    """And, or, implies: the least of its operands (`least`) or the greatest, some of them negated."""
+    """Not, and, or, implies: the least of its operands (`least`) or the greatest, some of them negated."""
 
     least: ClassVar[bool] = False
 
@@ -70,6 +59,22 @@ class Connective(Node):
     def signed(self) -> tuple[tuple[Formula, bool], ...]:
         """The operands, each with whether its negation counts."""
         return tuple((cast("Formula", operand), False) for operand in self.operands)
+
+
+@dataclass(frozen=True)
+class Not(Connective):
+    """`!arg`."""
+
+    level: ClassVar[int] = Level.PREFIX
+    arg: Formula
+
+    @property
+    def signed(self) -> tuple[tuple[Formula, bool], ...]:
+        """`arg`, whose negation counts."""
+        return ((self.arg, True),)
+
+    def __str__(self) -> str:
+        return f"!{wrap(self.arg, Level.PREFIX)}"
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
-from stlbench.stl.language.syntax import END, Between, Connective, Formula, Not, Predicate, Release, TrueFormula, Window
+from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, value_range, walk
+from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Release, Window
 from stlbench.stl.predicates import compile_arrays
 from stlbench.stl.predicates.writer import Reading
 from stlbench.stl.recorded.windows import Values, slide, until
@@ -62,8 +62,6 @@ def evaluator(formula: Formula, names: tuple[str, ...], reading: Reading, checke
         return _negated(inner) if negated else inner
 
     match formula:
-        case Not(arg):
-            return of(arg, True)
         case Connective():
             return _joined([of(*part) for part in formula.signed], np.minimum if formula.least else np.maximum)
         case Window():
@@ -113,23 +111,12 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
 @lru_cache(maxsize=512)
 def unknown(psi: Formula, names: tuple[str, ...], reading: Reading, worst: bool) -> float:
     """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
-    match psi:
-        case Not(arg):
-            return -unknown(arg, names, reading, not worst)
-        case Connective():
-            parts = (
-                -unknown(arg, names, reading, not worst) if negated else unknown(arg, names, reading, worst)
-                for arg, negated in psi.signed
-            )
-            return (min if psi.least else max)(parts)
-        case TrueFormula():
-            return math.inf
-        case _:
-            if signals(psi):
-                return -math.inf if worst else math.inf
-            constant = compile_arrays(psi, names, reading)
-            assert not callable(constant)
-            return float(constant)
+
+    def bounds(predicate: Predicate) -> tuple[float, float]:
+        constant = compile_arrays(predicate, names, reading)
+        return (-math.inf, math.inf) if callable(constant) else (float(constant), float(constant))
+
+    return value_range(psi, bounds)[0 if worst else 1]
 
 
 def _negated(arg: Evaluator) -> Evaluator:

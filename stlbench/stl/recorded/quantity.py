@@ -72,8 +72,6 @@ class Quantity:
         if node in self.leaves:
             return leaves[:, steps[0] : steps[1] + 1, self.leaves.index(node)]
         match node:
-            case Not(arg):
-                return -self._at(arg, leaves, steps, ends)
             case Connective():
                 fold = self.semantics.least if node.least else self.semantics.greatest
                 return fold(np.stack([self._at(arg, leaves, steps, ends) for arg, _ in node.signed], axis=-1))

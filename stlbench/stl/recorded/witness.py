@@ -16,7 +16,6 @@ from stlbench.stl.language.syntax import (
     Between,
     Connective,
     Formula,
-    Not,
     Predicate,
     Release,
     TrueFormula,
@@ -119,8 +118,6 @@ class _Search(NamedTuple):
     def below(self, formula: Formula, t: int) -> tuple[Link, int]:
         """The operand that the value of `formula` at step t is of, at its step, and the sign between the two."""
         match formula:
-            case Not(arg):
-                return Link(arg, t), -1
             case Connective():
                 values = [(-1 if negated else 1) * self.values(arg, t, t)[0] for arg, negated in formula.signed]
                 arg, negated = formula.signed[int((np.argmin if formula.least else np.argmax)(values))]

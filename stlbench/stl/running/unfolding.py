@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from stlbench.stl.errors import FormulaLimitError, UndefinedError
 from stlbench.stl.language.structure import (
     first_past,
-    is_temporal,
     lookahead,
     lookbehind,
     negations_inside,
     operands_of,
+    pointwise_parts,
     signals,
     unbounded,
     walk,
@@ -112,7 +112,7 @@ class Unfolding:
         self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
         self.reaches = self.always and first_past(right) is None and _to_come(right, names, False) == np.inf
         self.open = self.reaches and self.b == END == self.ahead and _stays_open(right, names, True)
-        self.parts = [self._evaluator(part, checked=True) for part in _pointwise_parts(right)] if self.open else []
+        self.parts = [self._evaluator(part, checked=True) for part in pointwise_parts(right)] if self.open else []
         self.window = 1 if self.open else min(END, self.ahead + self.behind + 1)
         endless = (
             node
@@ -256,8 +256,6 @@ def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:
 def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
     """Whether the least (greatest) value is -inf (inf) at every step, whatever the samples: nothing can be learned."""
     match formula:
-        case Not(arg):
-            return _stays_open(arg, names, not worst)
         case Connective():
             some = any if formula.least == worst else all
             return some(_stays_open(arg, names, worst is not negated) for arg, negated in formula.signed)
@@ -267,9 +265,3 @@ def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
             return _stays_open(arg, names, worst)
         case _:
             return False
-
-
-def _pointwise_parts(formula: Formula) -> list[Formula]:
-    if not is_temporal(formula):
-        return [formula]
-    return [part for operand in operands_of(formula) for part in _pointwise_parts(operand)]
