@@ -19,7 +19,7 @@ test-all: lint types imports docs $(VENV)/ready-dev
 	$(BIN)/python -m pytest -q -n auto --dist loadfile -m "not long" --durations 10 --hypothesis-profile night
 
 ## The tests that take less than half a minute together, while you write.
-QUICK := tests/stl tests/methods tests/task --ignore=tests/stl/recorded/test_rtamt.py \
+QUICK := tests/arithmetic tests/stl tests/methods tests/task --ignore=tests/stl/recorded/test_rtamt.py \
 	--ignore=tests/stl/language/test_limits.py --ignore=tests/stl/boxes --ignore=tests/stl/predicates/test_compiler.py
 quick: $(VENV)/ready-dev
 	$(BIN)/python -m pytest -q -n auto --dist worksteal $(QUICK)

@@ -5,6 +5,7 @@
 2.0
 """
 
+from stlbench.arithmetic.folds import Fold, Least, Mean, Semantics, Total, semantics
 from stlbench.stl.boxes import Bounds, bounds
 from stlbench.stl.errors import (
     FormulaLimitError,
@@ -57,7 +58,6 @@ from stlbench.stl.recorded import (
     satisfied,
     satisfied_trace,
 )
-from stlbench.stl.recorded.folds import Fold, Least, Mean, Semantics, Total, semantics
 from stlbench.stl.recorded.quantity import Quantity
 from stlbench.stl.recorded.witness import Link, Witness, witness
 from stlbench.stl.running.batch import BatchMonitor, Intervals

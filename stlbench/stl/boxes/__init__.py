@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stlbench.arithmetic.functions import OPERATIONS, Domain
 from stlbench.stl.boxes.search import Maximum, Search
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.functions import FUNCTIONS, Domain
 from stlbench.stl.language.expressions import Binary, Call, Expression, Signal
 from stlbench.stl.language.structure import check_names, require_pointwise, signals, walk
 from stlbench.stl.language.syntax import Formula
@@ -108,7 +108,6 @@ def _ends(
 
 #: boxes examined to tell an argument that touches the end of its domain from one that leaves it
 TOUCHING = 20_000
-_NOT_0 = Domain("other than 0", lambda low, high: low <= 0 <= high)
 
 
 def _with_proven_domains(psi: Formula, search: Search) -> Search:
@@ -133,10 +132,8 @@ def _limited(psi: Formula) -> dict[tuple[Expression, Domain], Expression]:
     limited: dict[tuple[Expression, Domain], Expression] = {}
     for node in walk(psi):
         match node:
-            case Call(name, (arg,)) if (domain := FUNCTIONS[name].domain) is not None:
+            case Call(name, (*_, arg)) | Binary(name, _, arg) if (domain := OPERATIONS[name].domain) is not None:
                 limited[arg, domain] = node
-            case Binary("/", _, divisor):
-                limited[divisor, _NOT_0] = node
     return {key: node for key, node in limited.items() if any(isinstance(part, Signal) for part in walk(key[0]))}
 
 

@@ -15,9 +15,9 @@ from typing import TypeAlias, TypeVar, cast
 
 import numpy as np
 
-from stlbench.stl.functions import FUNCTIONS
-from stlbench.stl.functions.derivatives import Derivatives, added, negated, of_greatest, of_least, scaled
-from stlbench.stl.functions.intervals import Range, difference, negative, power, product, quotient, total
+from stlbench.arithmetic.derivatives import Derivatives, negated, of_difference
+from stlbench.arithmetic.functions import OPERATIONS
+from stlbench.arithmetic.intervals import Range, difference, negative, power, product, total
 from stlbench.stl.language.expressions import Binary, Call, Negative, Number, Signal
 from stlbench.stl.language.syntax import AnyNode, Connective, Not, Predicate, TrueFormula
 
@@ -90,15 +90,11 @@ class Enclosure:
             case Not() | Negative():
                 return negative(args[0])
             case Connective():
-                return FUNCTIONS["min" if node.least else "max"].interval(_signed(node, args, negative))
-            case Call(name):
-                return FUNCTIONS[name].interval(args)
-            case Binary("**", _, Number(exponent)):
-                return power(args[0], exponent)
+                return OPERATIONS["min" if node.least else "max"].interval(_signed(node, args, negative))
             case Binary("*", left, right) if left == right:
                 return power(args[0], 2)
-            case Binary(op):
-                return _ARITHMETIC[op](*args)
+            case Call(name) | Binary(name):
+                return OPERATIONS[name].interval(args)
             case _:
                 raise ValueError(f"expected a formula without temporal operators, got {node}")
 
@@ -107,29 +103,17 @@ class Enclosure:
             case Signal(name):
                 one = np.ones_like(self.boxes[name][0])
                 return {name: (one, one)}
-            case Predicate() | Binary("-"):
-                return added(inner[0], negated(inner[1]))
+            case Predicate():
+                return of_difference(args, inner, value)
             case Not() | Negative():
                 return negated(inner[0])
             case Connective():
-                rule = of_least if node.least else of_greatest
+                rule = OPERATIONS["min" if node.least else "max"].derivative
                 return rule(_signed(node, args, negative), _signed(node, inner, negated), value)
-            case Call(name):
-                return FUNCTIONS[name].derivative(args, inner, value)
-            case Binary("+"):
-                return added(*inner)
-            case Binary("*"):
-                return added(scaled(inner[0], args[1]), scaled(inner[1], args[0]))
-            case Binary("/"):
-                falling = scaled(inner[1], negative(quotient(args[0], power(args[1], 2))))
-                return added({name: quotient(range_, args[1]) for name, range_ in inner[0].items()}, falling)
-            case Binary("**", _, Number(exponent)) if exponent > 0:
-                return scaled(inner[0], product(power(args[0], exponent - 1), args[1]))
+            case Call(name) | Binary(name):
+                return OPERATIONS[name].derivative(args, inner, value)
             case _:
                 return {}
-
-
-_ARITHMETIC = {"+": total, "-": difference, "*": product, "/": quotient}
 
 
 def _operands(node: AnyNode) -> tuple[AnyNode, ...]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Any, ClassVar, Self, TypeAlias
 
+from stlbench.arithmetic.functions import FUNCTIONS
 from stlbench.stl.errors import FormulaLimitError, Position, shorten
-from stlbench.stl.functions import FUNCTIONS
 
 
 class Level(IntEnum):

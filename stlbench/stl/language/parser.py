@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
+from stlbench.arithmetic.functions import FUNCTIONS
 from stlbench.stl.errors import FormulaLimitError
-from stlbench.stl.functions import FUNCTIONS
 from stlbench.stl.language.expressions import (
     BINARY_LEVELS,
     COMPARISONS,

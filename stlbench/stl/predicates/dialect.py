@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.functions import FUNCTIONS
+from stlbench.arithmetic import SMALLEST
+from stlbench.arithmetic.functions import FUNCTIONS, OPERATIONS
 from stlbench.stl.language.syntax import Predicate
 
-#: the smallest normal float
-SIDE = sys.float_info.min
+#: how far signed margins are from 0, at least
+SIDE = SMALLEST
 
 
 def zero_side(predicate: Predicate) -> float:
@@ -51,11 +52,6 @@ class Dialect:
     namespace: Mapping[str, Any]
     twice: frozenset[str] = frozenset()  # operations that write an operand twice: it must be a name or a constant
     first: str = ""  # a statement that goes before all others
-
-
-def _quotient(left: Any, right: Any) -> Any:
-    """left / right, NaN where right is 0, as everywhere that a function has no value."""
-    return left / np.where(right == 0.0, math.nan, right)
 
 
 def _zero_or_nan(h: float, side: float) -> float:
@@ -103,7 +99,7 @@ ARRAYS = Dialect(
     zero="{0} = where({0} == 0.0, {1}, {0})",
     namespace={name: row.arrays for name, row in FUNCTIONS.items()}
     | {"nan": math.nan, "inf": math.inf, "minimum": np.minimum, "maximum": np.maximum, "logical_not": np.logical_not}
-    | {"where": np.where, "isnan": np.isnan, "square": np.square, "quotient": _quotient}
+    | {"where": np.where, "isnan": np.isnan, "square": np.square, "quotient": OPERATIONS["/"].arrays}
     | {"type": type, "ndarray": np.ndarray, "as_array": as_array},
     first="if type(sample) is not ndarray: sample = as_array(sample)",
 )

@@ -15,8 +15,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from stlbench.arithmetic.functions import FUNCTIONS, OPERATIONS
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.functions import FUNCTIONS
 from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
 from stlbench.stl.language.syntax import Connective, Formula, Not, Predicate, TrueFormula
 from stlbench.stl.predicates.dialect import Dialect, zero_side
@@ -28,13 +28,10 @@ DEPTH = 8
 #: most operands of min, max, norm and norminf that are written out; a call would cost as much as all the rest
 WRITTEN_OUT = 4
 
-_OPERATORS: dict[str, Callable[..., Any]] = {
+#: of constants: what is no function or operator of the language by itself
+_FOLDED: dict[str, Callable[..., Any]] = {
     "-u": operator.neg,
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
     "/constant": operator.truediv,
-    "**": operator.pow,
     "square": lambda value: value * value,
     "one": lambda value: value**0,
     "lower": np.minimum,
@@ -146,7 +143,7 @@ def constant(value: float | bool, top: int) -> Part:
 
 def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicate) -> float:
     """The value of a constant subexpression, once, as NumPy has it."""
-    function = _OPERATORS.get(op) or FUNCTIONS[op].arrays
+    function = _FOLDED.get(op) or OPERATIONS[op].arrays
     with np.errstate(all="ignore"):
         value = float(function(*map(np.float64, values)))
     if math.isnan(value):

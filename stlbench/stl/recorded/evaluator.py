@@ -15,12 +15,12 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench.arithmetic.windows import Values, slide, until
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, value_range, walk
 from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Release, Window
 from stlbench.stl.predicates import compile_arrays
 from stlbench.stl.predicates.writer import Reading
-from stlbench.stl.recorded.windows import Values, slide, until
 
 #: how a trace that ends before the horizon is read; "interval": its end is unknown, and values are bounds
 End: TypeAlias = Literal["strict", "clip", "interval"]

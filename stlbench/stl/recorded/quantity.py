@@ -13,10 +13,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from stlbench.arithmetic.folds import Semantics
 from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside, operands_of
 from stlbench.stl.language.syntax import And, Between, Connective, Formula, Not, Or, Release, Window
 from stlbench.stl.predicates import margin
-from stlbench.stl.recorded.folds import Semantics
 
 Floats: TypeAlias = NDArray[np.float64]
 #: a leaf to the function of samples (..., k) -> (...) that is its value

@@ -18,6 +18,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench.arithmetic.windows import until
 from stlbench.stl.errors import FormulaLimitError, UndefinedError
 from stlbench.stl.language.structure import (
     first_past,
@@ -48,7 +49,6 @@ from stlbench.stl.language.syntax import (
     Window,
 )
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
-from stlbench.stl.recorded.windows import until
 
 Floats: TypeAlias = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Bounds of partial derivatives on many boxes at once: sums, multiples, and the chain rule of each function.
+"""Bounds of partial derivatives on many boxes at once: the chain rule of each function and operator.
 
 Kinks (abs, min, max) give the hull of the derivatives on both sides, which is Clarke's generalised gradient. Where a
 function jumps or its derivative is not bounded, the bounds are infinite or NaN.
@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from stlbench.stl.functions.intervals import (
+from stlbench.arithmetic.intervals import (
     Range,
     absolute,
     cosine,
@@ -77,8 +77,31 @@ def of_largest(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Deri
     return of_greatest(sizes, [scaled(own, _sign(arg)) for own, arg in zip(inner, args, strict=True)], value)
 
 
+def of_sum(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    return added(*inner)
+
+
+def of_difference(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    return added(inner[0], negated(inner[1]))
+
+
+def of_quotient(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    falling = negative(quotient(args[0], power(args[1], 2)))
+    return added(_divided(inner[0], args[1]), scaled(inner[1], falling))
+
+
+def of_power(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """Of a constant exponent."""
+    exponent = float(args[1][0])
+    return scaled(inner[0], product(power(args[0], exponent - 1), args[1])) if exponent > 0 else {}
+
+
 def of_logarithm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    return {name: quotient(range_, args[0]) for name, range_ in inner[0].items()}
+    return _divided(inner[0], args[0])
+
+
+def _divided(inner: Derivatives, by: Range) -> Derivatives:
+    return {name: quotient(range_, by) for name, range_ in inner.items()}
 
 
 def _chained(slopes: Callable[[Ranges, Range], Sequence[Range]]) -> ChainRule:
@@ -127,6 +150,7 @@ def _share(part: Range, whole: Range) -> Range:
     return np.fmin(np.fmax(low, -1.0), 1.0), np.fmax(np.fmin(high, 1.0), -1.0)
 
 
+of_product = _chained(lambda args, value: [args[1], args[0]])
 of_absolute = _chained(lambda args, value: [_sign(args[0])])
 of_root = _chained(lambda args, value: [quotient(_same(0.5, value), value)])
 of_exponential = _chained(lambda args, value: [value])

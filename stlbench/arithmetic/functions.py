@@ -1,4 +1,4 @@
-"""The functions of the formula language: one row each, which the parser, the compiler and the bounds all read.
+"""The functions and operators of the formula language: a row each, for the parser, the compiler and the bounds.
 
 A function without a value at an argument raises ArithmeticError or ValueError on floats, and is NaN on arrays. Floats
 use the C library and arrays NumPy, so that exp, log, tan and the like may differ in the last bit; the others are equal.
@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from stlbench.stl.functions import derivatives as derivative
-from stlbench.stl.functions import intervals as interval
-from stlbench.stl.functions.derivatives import ChainRule, Ranges
-from stlbench.stl.functions.intervals import Range
+from stlbench.arithmetic import derivatives as derivative
+from stlbench.arithmetic import intervals as interval
+from stlbench.arithmetic.derivatives import ChainRule, Ranges
+from stlbench.arithmetic.intervals import Range
 
 
 @dataclass(frozen=True)
 class Domain:
-    """Where the one argument of a function must lie."""
+    """Where the last argument of a function must lie."""
 
     words: str  # after "must be" in a message
     may_leave: Callable[[float, float], bool]  # whether an argument somewhere in [low, high] may lie outside
@@ -86,11 +86,22 @@ def _may_contain_pole(low: float, high: float) -> bool:
     return bool(interval.may_contain_pole((np.array(low), np.array(high))))
 
 
+def _quotient(left: Any, right: Any) -> Any:
+    return left / np.where(right == 0.0, math.nan, right)
+
+
+def _power(ranges: Ranges) -> Range:
+    """Of a constant exponent."""
+    base, (exponent, _) = ranges
+    return interval.power(base, float(exponent))
+
+
 _AT_LEAST_0 = Domain("at least 0", lambda low, high: low < 0, least=0.0)
 _ABOVE_0 = Domain("above 0", lambda low, high: low <= 0)
 _NO_POLE = Domain("no odd multiple of pi / 2", _may_contain_pole)
+_NOT_0 = Domain("other than 0", lambda low, high: low <= 0 <= high)
 
-_ROWS = (
+_FUNCTIONS = (
     Function("abs", 1, abs, np.abs, _each(interval.absolute), derivative.of_absolute),
     Function("sqrt", 1, math.sqrt, np.sqrt, _each(interval.root), derivative.of_root, _AT_LEAST_0),
     Function("exp", 1, math.exp, np.exp, _each(interval.exponential), derivative.of_exponential),
@@ -105,4 +116,14 @@ _ROWS = (
     Function("norm", None, _norm(math.sqrt), _norm(np.sqrt), interval.norm, derivative.of_norm),
     Function("norminf", None, _of_sizes(_higher), _of_sizes(np.maximum), interval.largest, derivative.of_largest),
 )
-FUNCTIONS: dict[str, Function] = {row.name: row for row in _ROWS}
+FUNCTIONS: dict[str, Function] = {row.name: row for row in _FUNCTIONS}
+
+_OPERATORS = (
+    Function("+", 2, operator.add, operator.add, _each(interval.total), derivative.of_sum),
+    Function("-", 2, operator.sub, operator.sub, _each(interval.difference), derivative.of_difference),
+    Function("*", 2, operator.mul, operator.mul, _each(interval.product), derivative.of_product),
+    Function("/", 2, operator.truediv, _quotient, _each(interval.quotient), derivative.of_quotient, _NOT_0),
+    Function("**", 2, operator.pow, operator.pow, _power, derivative.of_power),
+)
+#: the functions, and the operators between two operands
+OPERATIONS: dict[str, Function] = FUNCTIONS | {row.name: row for row in _OPERATORS}

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal, Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.predicates.dialect import SIDE
+from stlbench.arithmetic import SMALLEST
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -169,8 +169,8 @@ class GeometricLeast(_Counted):
         return np.stack([np.minimum(values, 0.0), above, values <= 0, np.ones_like(values)], axis=-1)
 
     def _of(self, summary: Floats, count: Floats) -> Floats:
-        below = np.minimum(summary[..., 0] / count, np.where(summary[..., 0] < 0, -SIDE, 0.0))
-        above = np.maximum(np.expm1(summary[..., 1] / count), SIDE)
+        below = np.minimum(summary[..., 0] / count, np.where(summary[..., 0] < 0, -SMALLEST, 0.0))
+        above = np.maximum(np.expm1(summary[..., 1] / count), SMALLEST)
         return np.where(summary[..., 2] > 0, below, above)
 
 
