@@ -26,13 +26,13 @@ def stlbench(*words: object) -> str:
 
 def test_every_policy_is_the_one_that_was_scored_and_all_are_small() -> None:
     found = with_policies(ZOO)
-    assert len(found) == len(Results.load(ZOO)) >= 28
+    assert len(found) == len(Results.load(ZOO)) >= 36
     for result in found:
         assert result.id.track == "shared"
         assert all(array.dtype.itemsize <= 32 for array in read(ZOO, result, "selected").values())
     files = [path for path in ZOO.rglob("*") if path.is_file()]
     assert len(files) == len(found) + 1
-    assert sum(path.stat().st_size for path in files) < 2_000_000
+    assert sum(path.stat().st_size for path in files) < 2_500_000
 
 
 def test_they_are_listed_with_their_scores() -> None:
