@@ -42,7 +42,7 @@ class _App(Commands):
         },
         "Share": {
             "bundle": ("share.bundle", "Pack results into one file with checksums."),
-            "verify": ("share.verify", "Check that a folder or bundle of results is whole."),
+            "verify": ("verify.verify", "Check that a folder or bundle of results is whole."),
             "export": ("share.export", "Write results for other programs."),
             "results": ("results.app", "Remove cells from a folder of results, or merge folders."),
         },

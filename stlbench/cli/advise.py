@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import re
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, show, warn
+from stlbench import stl
+from stlbench.cli.common import warn
 from stlbench.cli.options import completed
-from stlbench.errors import UsageError, cause, one_line
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from stlbench.contract import RewardMethod, Specification
-    from stlbench.report import Table
-    from stlbench.task.task import Task
+from stlbench.cli.output import Json, show, table
+from stlbench.contract import RewardMethod, Specification
+from stlbench.errors import UsageError, one_line
+from stlbench.records import stored
+from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choices
+from stlbench.report import Column, Table, Value, condense
+from stlbench.stl.language.structure import unbounded, walk
+from stlbench.study.fitting import fit
+from stlbench.task import load_task
+from stlbench.task.task import Task
 
 _NOTES = (
     "Inputs: what the policy sees beside features and time. Memory: what the method carries from step to step.",
@@ -63,11 +66,6 @@ def advise(
       stlbench advise robot-nav --methods "tau-mdp,tau-mdp[every=10],hprs[later=target]"
       stlbench advise reach-stay --results results/reference --json
     """
-    from stlbench.contract import Specification
-    from stlbench.registry import plugins
-    from stlbench.registry.choices import parse_choices
-    from stlbench.task import load_task
-
     task = _alone(name) if _COMPARISON.search(name) else load_task(name)
     if results is not None and isinstance(task, Specification):
         raise UsageError("--results is of a task's results; name the task instead of a formula")
@@ -81,10 +79,6 @@ def advise(
 
 def _alone(text: str) -> Specification:
     """What methods are told of a formula without a task."""
-    from stlbench import stl
-    from stlbench.contract import Specification
-    from stlbench.stl.language.structure import unbounded, walk
-
     try:
         formula = stl.parse(text)
     except (TypeError, ValueError) as error:
@@ -105,9 +99,6 @@ def _facts(
 
     Asked are these `methods`, or all that are installed or `known` from results.
     """
-    from stlbench.contract import Specification
-    from stlbench.registry import plugins
-
     rows = list(_rows(task, methods or dict.fromkeys([*plugins.available("methods"), *known]), known))
     fitting = [row for row in rows if "status" not in row]
     fitting.sort(key=lambda row: (_rank(row.get("known")), row["extension"] != "", row["inputs"]))
@@ -126,9 +117,6 @@ def _facts(
 def _rows(
     task: Task | Specification, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
-    from stlbench.contract import RewardMethod
-    from stlbench.registry import plugins
-
     for choice in choices:
         try:
             fitted = fit(task, choice)
@@ -157,9 +145,6 @@ def _rank(known: Mapping[str, Any] | None) -> tuple[float, float]:
 
 def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
     """Method -> its scores with the task's own agent on the track shared, at the budget with the most steps."""
-    from stlbench.records import stored
-    from stlbench.report import condense
-
     known = dict[str, dict[str, Any]]()
     groups = [group for group in condense(stored.read(folder)) if group.done]
     for group in sorted(groups, key=lambda group: max(group.values("env_steps"))):
@@ -179,80 +164,29 @@ def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def _text(facts: Mapping[str, Any], known: bool) -> Iterator[str | Table]:
-    from stlbench.report import Column, Table
-
     yield facts["formula"] if facts["task"] is None else f"{facts['task']}: {facts['formula']}"
     if facts["rewarded"] != facts["formula"]:
         yield f"as methods see it: {facts['rewarded']}"
     if facts["nested"] is not None:
         yield f"as windows: {facts['nested']}"
     yield ""
-    results = (Column("budget", right=False), Column("seeds"), Column("satisfied %"), Column("robustness"))
-    columns = (
-        Column("method", right=False),
-        Column("inputs"),
-        Column("memory"),
-        Column("also", right=False),
-        *(results if known else ()),
-        Column("outside its source's form", right=False),
-    )
-    rows = tuple(
-        (
-            *(row["method"], row["inputs"], row["memory"], ", ".join(row["also"])),
-            *(_known_cells(row.get("known")) if known else ()),
-            row["extension"],
-        )
-        for row in facts["fit"]
-    )
-    yield Table("Methods that fit", columns, rows, _NOTES)
-    refused = tuple((row["method"], row["status"], row["reason"]) for row in facts["do_not_fit"])
-    if refused:
-        titles = tuple(Column(title, right=False) for title in ("method", "status", "reason"))
-        yield Table("Methods that do not", titles, refused, (_ASK,))
+    columns: dict[Column, Callable[[Mapping[str, Any]], Value]] = {
+        Column("method", right=False): lambda row: row["method"],
+        Column("inputs"): lambda row: row["inputs"],
+        Column("memory"): lambda row: row["memory"],
+        Column("also", right=False): lambda row: ", ".join(row["also"]),
+        **(_KNOWN if known else {}),
+        Column("outside its source's form", right=False): lambda row: row["extension"],
+    }
+    yield Table.of("Methods that fit", facts["fit"], columns, _NOTES)
+    if facts["do_not_fit"]:
+        yield table("Methods that do not", facts["do_not_fit"], _ASK)
 
 
-def _known_cells(known: Mapping[str, Any] | None) -> tuple[str | int | float | None, ...]:
-    if known is None:
-        return None, None, None, None
-    return known["budget"], known["seeds"], round(100 * known["satisfaction"], 1), round(known["robustness"], 3)
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A method that was built for a task, or why it was not."""
-
-    status: Literal["suitable", "unsuitable", "intractable", "raised"]
-    method: RewardMethod | None = None
-    reason: str = ""
-
-
-def fit(task: Task | Specification, choice: str) -> Fit:
-    """Build a method for a task, as a run does, or for a formula alone. Raises `PluginError` if it cannot be loaded."""
-    from stlbench.contract import Intractable, Specification, Unsuitable
-    from stlbench.registry import plugins
-    from stlbench.task import build_method
-
-    try:
-        method = build_method(task, choice)
-        if not isinstance(task, Specification):
-            _refuse_dear(task, method)
-    except plugins.PluginError:
-        raise
-    except Intractable as reason:
-        return Fit("intractable", reason=one_line(reason))
-    except (Unsuitable, UsageError) as reason:
-        return Fit("unsuitable", reason=one_line(reason))
-    except Exception as error:
-        return Fit("raised", reason=cause(error))
-    return Fit("suitable", method)
-
-
-def _refuse_dear(task: Task, method: RewardMethod) -> None:
-    """Refuse a slow method for the task's own agent and largest budget, if that agent can be built here."""
-    from stlbench.contract import Unsuitable
-    from stlbench.rollout.cost import refuse_dear
-    from stlbench.task import build_agent
-
-    with suppress(Unsuitable, UsageError):
-        agent = build_agent(task, task.own_agent)
-        refuse_dear(task, method, agent, max(budget.steps for budget in task.file.budgets.values()))
+_KNOWN: Mapping[Column, Callable[[Mapping[str, Any]], Value]] = {
+    Column("budget", right=False): lambda row: (known := row.get("known")) and known["budget"],
+    Column("seeds"): lambda row: (known := row.get("known")) and known["seeds"],
+    Column("satisfied %"): lambda row: (known := row.get("known")) and round(100 * known["satisfaction"], 1),
+    Column("robustness"): lambda row: (known := row.get("known")) and round(known["robustness"], 3),
+}
+"""The columns of what results say; empty for a method that is not in them."""

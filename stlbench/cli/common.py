@@ -1,21 +1,17 @@
-"""What the commands share: errors as one line, JSON alone on stdout, and the console for tables."""
+"""What all commands share: they are imported when they are called, and their errors are one line."""
 
 from __future__ import annotations
 
-import ctypes
 import errno
-import json
-import math
 import os
 import re
 import sys
 import traceback
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, redirect_stdout, suppress
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TextIO
+from typing import Any, ClassVar, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -23,11 +19,6 @@ from typer.core import TyperGroup
 from stlbench.errors import NO_SPACE, DiskFull, UsageError, cause, in_words, one_line, printable
 from stlbench.registry import exits
 from stlbench.registry.exits import exits_raise
-
-if TYPE_CHECKING:  # `stlbench --help` needs none of it
-    from rich.console import Console
-
-    from stlbench.report import Table
 
 DISK_FULL = 74  # the exit code if the disk is full: an input/output error in sysexits.h
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
@@ -173,89 +164,3 @@ def _show_warning(
 
 def warn(message: str) -> None:
     typer.echo(f"warning: {one_line(message)}", err=True)
-
-
-_APART = ExitStack()  # while it is open, all output goes to stderr
-
-
-def _alone(context: typer.Context, wanted: bool) -> bool:
-    """Keep stdout for `print_json`; output of plugins and of their programs goes to stderr."""
-    if wanted:
-        sys.stdout.flush()
-        with suppress(OSError):  # a test's stream has no descriptor
-            if sys.stdout.fileno() == 1:
-                _APART.callback(_move_back, os.dup(1))
-                os.dup2(2, 1)
-        _APART.enter_context(redirect_stdout(sys.stderr))
-        context.call_on_close(_APART.close)
-    return wanted
-
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.", callback=_alone)]
-
-
-def _move_back(kept: int) -> None:
-    with suppress(Exception):
-        ctypes.CDLL(None).fflush(None)  # what compiled code has printed and keeps
-    os.dup2(kept, 1)
-    os.close(kept)
-
-
-def print_json(value: Any) -> None:
-    """Print a value as JSON, once in a command. JSON has no infinity, so that is null, as is NaN."""
-    _APART.close()
-    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _finite(part) for key, part in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_finite(part) for part in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, str | int | float | None) else str(value)
-
-
-def show(as_json: bool, facts: Any, text: Iterable[str | Table]) -> None:
-    """Print the result of a command once: its facts as JSON, or else its text, lines and tables in their order.
-
-    Commands yield the text from a generator, which does not run for JSON.
-    """
-    if as_json:
-        print_json(facts)
-        return
-    from stlbench.report import to_screen
-
-    out = console()
-    for part in text:
-        if isinstance(part, str):
-            typer.echo(part)
-        else:
-            to_screen(part, out)
-
-
-def table(title: str, rows: Sequence[Mapping[str, Any]], *notes: str) -> Table:
-    """A table of facts: rows name their columns. Numbers are on the right, as in the first row that has the column."""
-    from stlbench.report import Column, Table
-
-    first = {name: value for row in reversed(rows) for name, value in row.items()}
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    columns = tuple(Column(name, right=isinstance(first[name], int | float)) for name in names)
-    return Table(title, columns, tuple(tuple(row.get(name) for name in names) for row in rows), notes)
-
-
-def console() -> Console:
-    """For tables: as wide as the terminal; elsewhere `COLUMNS` wide, or 120 without it."""
-    from rich.console import Console
-
-    class Out(Console):
-        def on_broken_pipe(self) -> None:
-            raise BrokenPipeError  # rich itself would exit with code 1, which has another meaning here
-
-    return Out(width=None if sys.stdout.isatty() else _columns(), highlight=False)
-
-
-def _columns() -> int:
-    columns = os.environ.get("COLUMNS", "")
-    return int(columns) if re.fullmatch("[1-9][0-9]{0,4}", columns) else 120

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 
 from stlbench import contract
-from stlbench.cli.common import Json, show
 from stlbench.cli.options import Listed, names, study_options, tasks_of
+from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.gate import summary
 from stlbench.gate.judge import EXIT, Judgement, judge, judge_turns

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 import typer
 
 from stlbench import stl
-from stlbench.cli.common import Json, show, warn
+from stlbench.cli.common import warn
+from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import SavedTraces, read_saved
 from stlbench.rollout.early_ends import last_steps

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, show
 from stlbench.cli.options import Budget, Cell
+from stlbench.cli.output import Json, show
 from stlbench.cli.score import score_cell
-from stlbench.records.result import Result, Score, reported
+from stlbench.records.result import Result, reported
 from stlbench.report import Column, Table, Value
 from stlbench.share.zoo import ZOO, take, with_policies
 from stlbench.study.results import Results
@@ -42,30 +42,25 @@ def list_policies(results: Kept = None, as_json: Json = False) -> None:
       stlbench policies list
       stlbench policies list --results results --json
     """
-    found = with_policies(ZOO if results is None else results)
-    facts = []
-    for result in found:
-        assert result.measurement is not None
-        score = reported(result.measurement.selected)
-        numbers = {"robustness": score.mean, "satisfaction": score.satisfaction, "starts": score.starts}
-        facts.append({"cell": result.id.name, "budget": result.id.budget, "track": result.id.track, **numbers})
-    show(as_json, [fact | {"key": each.key} for fact, each in zip(facts, found, strict=True)], [_table(found.results)])
+    facts = list(map(_facts, with_policies(ZOO if results is None else results)))
+    show(as_json, facts, [Table.of("Stored policies", facts, _COLUMNS)])
 
 
-def _table(results: tuple[Result, ...]) -> Table:
-    def score(result: Result) -> Score:
-        assert result.measurement is not None
-        return reported(result.measurement.selected)
+def _facts(result: Result) -> dict[str, Any]:
+    assert result.measurement is not None
+    cell, score = result.id, reported(result.measurement.selected)
+    numbers = {"robustness": score.mean, "satisfaction": score.satisfaction, "starts": score.starts}
+    return {"cell": cell.name, "budget": cell.budget, "track": cell.track, **numbers, "key": result.key}
 
-    columns: dict[Column, Callable[[Result], Value]] = {
-        Column("cell", right=False): lambda result: result.id.name,
-        Column("budget", right=False, shared=True): lambda result: result.id.budget,
-        Column("track", right=False, shared=True): lambda result: result.id.track,
-        Column("mean robustness", digits=3): lambda result: score(result).mean,
-        Column("satisfied", unit="%", digits=1): lambda result: 100 * score(result).satisfaction,
-        Column("starts"): lambda result: score(result).starts,
-    }
-    return Table.of("Stored policies", results, columns)
+
+_COLUMNS: dict[Column, Callable[[dict[str, Any]], Value]] = {
+    Column("cell", right=False): lambda facts: facts["cell"],
+    Column("budget", right=False, shared=True): lambda facts: facts["budget"],
+    Column("track", right=False, shared=True): lambda facts: facts["track"],
+    Column("mean robustness", digits=3): lambda facts: facts["robustness"],
+    Column("satisfied", unit="%", digits=1): lambda facts: 100 * facts["satisfaction"],
+    Column("starts"): lambda facts: facts["starts"],
+}
 
 
 @app.command("get")

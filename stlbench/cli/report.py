@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.cli.common import warn
 from stlbench.cli.options import Explain, Fitting, TaskFolders
+from stlbench.cli.output import Json, console, print_json
 from stlbench.errors import DiskFull, UsageError
 from stlbench.records import stored
 from stlbench.records.identity import CellId

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from stlbench.cli.common import Json, show, warn
+from stlbench.cli.common import warn
 from stlbench.cli.options import Folder
+from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records import upkeep
 from stlbench.records.upkeep import Merged

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from stlbench.cli.common import Json, show, warn
+from stlbench.cli.common import warn
 from stlbench.cli.options import Architecture, Method, On, OwnActions
+from stlbench.cli.output import Json, show
 from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
 from stlbench.records import stored

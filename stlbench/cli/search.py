@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.actors import Chosen, one_by_one, takes_actors
-from stlbench.cli.common import Json, show
 from stlbench.cli.options import Seed, TaskFolders
+from stlbench.cli.output import Json, show
 from stlbench.records.outputs import inside
 from stlbench.report import Table
 from stlbench.search import certify as certifying

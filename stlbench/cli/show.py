@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from stlbench.cli import common
-from stlbench.cli.common import Json, table, warn
+from stlbench.cli import output
+from stlbench.cli.common import warn
 from stlbench.cli.options import Budget, Cell, Folder, completed
+from stlbench.cli.output import Json, table
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import OUTSIDE
@@ -54,7 +55,7 @@ def cell(name: Cell, folder: Folder = Path("results"), budget: Budget = None, as
     results = Results.load(folder)
     result = results.cell(name, budget)
     log = cell_files(results.folder, result.id, result.key).log
-    common.show(as_json, cell_facts(result, log), _cell_text(result, log))
+    output.show(as_json, cell_facts(result, log), _cell_text(result, log))
 
 
 def cell_facts(result: Result, log: Path) -> dict[str, Any]:
@@ -114,7 +115,7 @@ def method(
       stlbench show method flag --json
     """
     facts = _method_facts(name)
-    common.show(as_json, facts, _method_text(facts))
+    output.show(as_json, facts, _method_text(facts))
 
 
 def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
@@ -184,7 +185,7 @@ def list_plugins(
             listed.append(facts | {"summary": plugin.summary, "parameters": parameter_facts(plugin)})
         except plugins.PluginError as error:
             warn(str(error))
-    common.show(as_json, listed, [table(kind.capitalize(), list(_rows(listed)))])
+    output.show(as_json, listed, [table(kind.capitalize(), list(_rows(listed)))])
 
 
 def _rows(listed: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, str]]:

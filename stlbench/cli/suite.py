@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, show
+from stlbench.cli.output import Json, show, table
 from stlbench.cli.show_task import task
-
-if TYPE_CHECKING:
-    from stlbench.report import Table
+from stlbench.errors import UsageError
+from stlbench.registry import plugins, suites
+from stlbench.report import Column, Table, Value
+from stlbench.rollout.controller import replay
+from stlbench.rollout.traces import Recording
+from stlbench.task import load_task
+from stlbench.task.reading import read_task_file
 
 app = typer.Typer(rich_markup_mode=None)
 app.command("show")(task)
@@ -51,15 +55,13 @@ def list_tasks(
     """
     if tasks is None:
         counts = _counts()
-        show(as_json, counts, _counts_table(counts))
+        show(as_json, counts, [table("Suites", counts)])
         return
     listed = [_facts(name) for name in _names(tasks)]
-    show(as_json, listed, _table(tasks, listed))
+    show(as_json, listed, [Table.of(f"{tasks}: {len(listed)} tasks", listed, _COLUMNS)])
 
 
 def _counts() -> list[dict[str, Any]]:
-    from stlbench.registry import plugins, suites
-
     return [
         {"tasks": f"{name}:{part}", "count": len(members)}
         for name, plugin in plugins.available("suites").items()
@@ -67,26 +69,13 @@ def _counts() -> list[dict[str, Any]]:
     ]
 
 
-def _counts_table(counts: list[dict[str, Any]]) -> Iterator[Table]:
-    from stlbench.report import Column, Table
-
-    columns = {Column("tasks", right=False): lambda row: row["tasks"], Column("count"): lambda row: row["count"]}
-    yield Table.of("Suites", counts, columns)
-
-
 def _names(address: str) -> tuple[str, ...]:
-    from stlbench.errors import UsageError
-    from stlbench.registry import suites
-
     if not suites.is_address(address):
         raise UsageError(f"'{address}': tasks of a suite are named as in suite:unicycle/sequence/7")
     return suites.named(address)
 
 
 def _facts(name: str) -> dict[str, Any]:
-    from stlbench.registry import suites
-    from stlbench.task.reading import read_task_file
-
     plugin = suites.task(name)
     assert plugin is not None
     file, splits = read_task_file(plugin.file, name), suites.made(plugin.suite).splits
@@ -102,24 +91,20 @@ def _facts(name: str) -> dict[str, Any]:
     }
 
 
-def _table(address: str, listed: list[dict[str, Any]]) -> Iterator[Table]:
-    from stlbench.report import Column, Table
-
-    columns = {
-        Column("task", right=False): lambda facts: facts["task"],
-        Column("splits", right=False): lambda facts: ", ".join(facts["splits"]),
-        Column("groups", right=False): _groups_beyond_the_name,
-        Column("steps"): lambda facts: facts["steps"],
-        Column("best known"): lambda facts: facts["best_known"],
-        Column("bound"): lambda facts: facts["upper_bound"],
-    }
-    yield Table.of(f"{address}: {len(listed)} tasks", listed, columns)
-
-
 def _groups_beyond_the_name(facts: dict[str, Any]) -> str | None:
     """The groups that the task's name does not say: "tier near"."""
     said = facts["task"].partition(":")[2].split("/")
     return ", ".join(f"{kind} {group}" for kind, group in facts["groups"].items() if group not in said) or None
+
+
+_COLUMNS: dict[Column, Callable[[dict[str, Any]], Value]] = {
+    Column("task", right=False): lambda facts: facts["task"],
+    Column("splits", right=False): lambda facts: ", ".join(facts["splits"]),
+    Column("groups", right=False): _groups_beyond_the_name,
+    Column("steps"): lambda facts: facts["steps"],
+    Column("best known"): lambda facts: facts["best_known"],
+    Column("bound"): lambda facts: facts["upper_bound"],
+}
 
 
 @app.command("draw")
@@ -133,13 +118,8 @@ def draw(
     Example:
       stlbench suite draw suite:unicycle/sequence/1 --out pictures
     """
-    from stlbench.errors import UsageError
-    from stlbench.registry import suites
     from stlbench.report.figures.files import save
     from stlbench.report.figures.trajectories import trajectories
-    from stlbench.rollout.controller import replay
-    from stlbench.rollout.traces import Recording
-    from stlbench.task import load_task
 
     for name in _names(tasks):
         plugin = suites.task(name)

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from stlbench.cli.common import console
 from stlbench.cli.options import REQUIRED, study_options
+from stlbench.cli.output import console
 from stlbench.cli.run import interruptible
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger

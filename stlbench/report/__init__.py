@@ -127,11 +127,15 @@ class Report:
     @property
     def summary(self) -> tuple[Table, ...]:
         """What a reader is shown, in this order; tables without a row are left out."""
-        tables = [self.overview] * (len(self._tasks) > 1)
-        tables += [
-            self.tables[name] for name in (*_ACROSS, "robustness", "comparisons", "controllers", "alignment", "time")
-        ]
-        return (*self.first, *(table for table in (*tables, unfinished_table(self.groups)) if table.rows))
+        overview = [self.overview] * (len(self._tasks) > 1)
+        of_tasks = [self.tables[name] for name in ("robustness", "comparisons", "controllers", "alignment", "time")]
+        tables = (*overview, *self.across, *of_tasks, unfinished_table(self.groups))
+        return (*self.first, *(table for table in tables if table.rows))
+
+    @property
+    def across(self) -> list[Table]:
+        """The tables over several tasks, also those without a row."""
+        return [self.tables[name] for name in _ACROSS]
 
     @property
     def circumstances(self) -> Table:

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.identity import OUTSIDE, CellId, Setting
-from stlbench.records.outputs import TRACES, cell_files, end_of_log, write
+from stlbench.records.identity import CellId, Setting
+from stlbench.records.outputs import TRACES, write
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report import Report
 from stlbench.report.figures.files import drawings_across, drawings_of_alignment, drawings_of_tasks, svg_of
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
-from stlbench.report.tables.cells import CELL, ENDED_EARLY, if_done, percent, scores_and_cost
-from stlbench.report.tables.rows import Group, Numbers, Row
-from stlbench.report.tables.table import Column, Table, Value, show
+from stlbench.report.page_cells import Part, cell_part, cells_shown
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Table, show
 from stlbench.rollout.questions import Ask
 from stlbench.task.task import Task
 
@@ -34,12 +34,8 @@ if TYPE_CHECKING:
     from stlbench.report.figures.counterexample import Story
 
 FILE = "report.html"  # name of the page in a folder of results
-MOST = 2000
-"""Cells that a page has one by one. Its tables and figures are of all cells."""
-_LOG_LINES = 60
 Tell = Callable[[int, int], None]  # is called with the number of groups that are read, and of all
 Facts = list[tuple[str, str]]
-Part = dict[str, Any]  # what the template shows of a task or a cell
 
 
 class Picture(NamedTuple):
@@ -103,15 +99,11 @@ class _Page:
         over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
         table = report.tables["robustness"]
         wide = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
-        overview = _trimmed(table.select(wide, "Overview"))
-        across = [
-            *report.first,
-            *(report.tables[name] for name in ("aggregates", "improvement", "groups", "differences")),
-        ]
-        across = [_trimmed(table) for table in across if table.rows]
+        overview = table.select(wide, "Overview").trimmed()
+        across = [table.trimmed() for table in (*report.first, *report.across) if table.rows]
         rows, cells = cells_shown(report.groups)
         keys = {part["name"]: part["key"] for part in parts}
-        details = [_cell_part(row, self.results.get(row.id), self.folder) for row in rows]
+        details = [cell_part(row, self.results.get(row.id), self.folder) for row in rows]
         tables = [overview, *across, cells, *(table for part in parts for table in (*part["tables"], part["worst"]))]
         tables += [table for part in details for table in part["tables"]]
         return _rendered(
@@ -159,7 +151,7 @@ class _Page:
             "facts": [] if task is None else _facts(task),
             "lacks": lacks,
             "tables": _of_task(self.report, choice),
-            "worst": _trimmed(worst_table(stories), folded=True),
+            "worst": worst_table(stories).trimmed(folded=True),
             "policies": [] if task is None else list(self._policies(task, stories)),
         }
 
@@ -210,14 +202,6 @@ def _facts(task: Task) -> Facts:
     ]
 
 
-def _trimmed(table: Table, *, folded: bool = False) -> Table:
-    """Without empty columns. If `folded`, what all rows share goes into the title, as on a screen."""
-    empty = [all(value in (None, "") for value in values) for values in zip(*table.rows, strict=True)]
-    shown = [i for i in range(len(table.columns)) if not table.rows or not empty[i]]
-    alike = [i for i in shown if folded and i in table.alike]
-    return table.select((i for i in shown if i not in alike), table.title_with(alike))
-
-
 def _of_task(report: Report, choice: Choice) -> list[Table]:
     """The rows of one task. Controllers and plans have rows of the task, and none of its ablations."""
     tables = list[Table]()
@@ -225,64 +209,5 @@ def _of_task(report: Report, choice: Choice) -> list[Table]:
         table = report.tables[name]
         task = choice.name if name in ("controllers", "alignment") else str(choice)
         if rows := tuple(row for row in table.rows if row[0] == task):
-            tables.append(_trimmed(replace(table, rows=rows), folded=True))
+            tables.append(replace(table, rows=rows).trimmed(folded=True))
     return tables
-
-
-def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
-    rows, notes = [row for group in groups for row in group.rows], list[str]()
-    if len(rows) > MOST:
-        seeds = max(1, MOST // len(groups))
-        notes.append(f"Of {len(rows)} cells the first {seeds} seeds of each setting; `stlbench show cell` shows any.")
-        rows = [row for group in groups for row in group.rows[:seeds]]
-    notes.append(
-        "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
-    )
-    numbers: dict[Column, Callable[[Numbers], Value]] = {
-        Column("mean robustness", digits=3): lambda each: each.robustness_mean,
-        Column("worst start", digits=3): lambda each: each.robustness_min,
-        Column("satisfied", unit="%", digits=1): lambda each: 100 * each.satisfaction,
-        Column("ended early", unit="%", digits=1): lambda each: percent(each.ended_early),
-        Column("cell CPU", unit="s", digits=1): lambda each: each.cpu_seconds,
-    }
-    if any(row.numbers and row.numbers.ended_early for row in rows):
-        notes.append(ENDED_EARLY)
-    else:
-        numbers = {column: value for column, value in numbers.items() if column.title != "ended early"}
-    *first, reason = CELL.items()
-    columns = {**dict(first), **if_done(numbers), **dict([reason])}
-    return rows, _trimmed(Table.of("Cells", rows, columns, tuple(notes)))
-
-
-def _cell_part(row: Row, result: Result | None, folder: Path) -> Part:
-    """All that is recorded of one cell: facts, tables, and texts such as a traceback."""
-    if result is None:
-        facts = {"status": row.status, "budget": row.id.budget}
-        return {"name": row.id.name, "facts": list(facts.items()), "tables": [], "texts": [], "provenance": []}
-    files, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
-    written = "\n".join(end_of_log(files.log, _LOG_LINES))
-    log = str(files.log.relative_to(folder)) if written else "none here: the cell wrote nothing, or it was not kept"
-    facts = {
-        "status": result.status,
-        "reason": result.reason,
-        "budget": result.id.budget,
-        "track": result.id.track,
-        "policy": _policy(result, files.policies, folder),
-        "log": log,
-    }
-    texts = {"Traceback": result.details, "End of its log": written}
-    return {
-        "name": result.id.name,
-        "facts": [(name, text) for name, text in facts.items() if text],
-        "tables": [] if measured is None else scores_and_cost(measured, outside=outside),
-        "texts": [(title, text) for title, text in texts.items() if text],
-        "provenance": [*result.provenance.items(), ("key", result.key)],
-    }
-
-
-def _policy(result: Result, path: Path, folder: Path) -> str:
-    stored = result.measurement.policies if result.measurement else None
-    if stored is None:
-        return "none is stored" if result.measurement else ""
-    where = str(path.relative_to(folder)) if path.is_file() else "its file is not in this folder"
-    return f"{where}; SHA-256 selected {stored.selected}, final {stored.final}"

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from stlbench import __version__
 from stlbench.cli import app
-from stlbench.cli.common import console
+from stlbench.cli.output import console
 
 GROUPS = ("Train", "Look", "Policies", "Share", "Develop")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from stlbench.report.tables.across import Entry, Field
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.statistics import sampled
-from stlbench.statistics.across import Estimate
+from stlbench.statistics.across import Estimate, Runs
 from stlbench.statistics.intervals import Interval
 
 ALL = "all"
@@ -43,35 +43,58 @@ def drawn(fields: Iterable[Field]) -> list[Field]:
     return [field for field in first.values() if field.groups]
 
 
-_WHERE = (
-    Column("budget", right=False, shared=True),
-    Column("track", right=False, shared=True),
-    Column("by", right=False),
-    Column("group", right=False),
-)
+class _Line(NamedTuple):
+    """A row of either table: over the tasks of a part that the method fits, or that both methods fit."""
+
+    field: Field
+    part: Part
+    method: str
+    other: str  # empty in the table of groups
+    tasks: int  # how many these are
+    learned: Estimate  # shares of seeds in [0, 1], or their difference
+    score: Estimate
+
+
+_Columns = dict[Column, Callable[[_Line], Value]]
+_WHERE: _Columns = {
+    Column("budget", right=False, shared=True): lambda line: line.field.budget,
+    Column("track", right=False, shared=True): lambda line: line.field.track,
+    Column("by", right=False): lambda line: line.part.kind,
+    Column("group", right=False): lambda line: line.part.group,
+    Column("method", right=False): lambda line: line.method,
+}
+_OTHER: _Columns = {Column("other", right=False): lambda line: line.other}
 _INTERVALS = (
     "Tasks count as a sample of what the suite draws. Intervals: hierarchical bootstrap, which draws tasks and then "
     f"seeds; each is for itself at 95 %. Groups with fewer than {sampled.FEWEST} tasks have none."
 )
 
 
+def _numbers(fits: str, learned: str, score: str) -> _Columns:
+    """The last columns, with the titles of a table."""
+    return {
+        Column(fits, right=False): lambda line: f"{line.tasks} of {len(line.part.places)}",
+        Column(learned, unit="%", digits=0): lambda line: 100 * line.learned.value,
+        Column("learned 95 % interval", unit="%", digits=0, kind=Interval): (
+            lambda line: (ends := line.learned.interval) and Interval(100 * ends.low, 100 * ends.high)
+        ),
+        Column(score, digits=2): lambda line: line.score.value,
+        Column("score 95 % interval", digits=2, kind=Interval): lambda line: line.score.interval,
+    }
+
+
 def groups_table(fields: Iterable[Field]) -> Table:
     """One row for each method on all tasks and on each group, of the methods that fit any of its tasks."""
-    columns = (
-        *_WHERE,
-        Column("method", right=False),
-        Column("fits", right=False),
-        Column("learned", unit="%", digits=0),
-        Column("learned 95 % interval", unit="%", digits=0, kind=Interval),
-        Column("score", digits=2),
-        Column("score 95 % interval", digits=2, kind=Interval),
-    )
-    rows = tuple(
-        (*_where(field, part), entry.method, *_method(entry, part))
+    lines = (
+        _Line(
+            *(field, part, entry.method, "", len(own)),
+            sampled.share([entry.learned[place] for place in own]),
+            sampled.mean(_of(entry.scores, own)),
+        )
         for field in drawn(fields)
         for part in parts(field)
         for entry in field.entries
-        if any(entry.scores[place] for place in part.places)
+        if (own := _fitting(part, entry))
     )
     notes = (
         "Learned: seeds whose policy satisfies from nearly all starts. Score: normalised robustness of the selected "
@@ -80,58 +103,31 @@ def groups_table(fields: Iterable[Field]) -> Table:
         "may fit the easy tasks.",
         _INTERVALS,
     )
-    return Table("Groups of drawn tasks", columns, rows, notes)
-
-
-def _method(entry: Entry, part: Part) -> tuple[Value, ...]:
-    fitting = [place for place in part.places if entry.scores[place]]
-    learned = _percent(sampled.share([entry.learned[place] for place in fitting]))
-    score = sampled.mean([np.array(entry.scores[place]) for place in fitting])
-    return f"{len(fitting)} of {len(part.places)}", *learned, *score
+    return Table.of("Groups of drawn tasks", lines, _WHERE | _numbers("fits", "learned", "score"), notes)
 
 
 def pairs_table(fields: Iterable[Field]) -> Table:
     """One row for each two methods on all tasks and on each group, over the tasks that both fit."""
-    columns = (
-        *_WHERE,
-        Column("method", right=False),
-        Column("other", right=False),
-        Column("both fit", right=False),
-        Column("learned more often", unit="%", digits=0),
-        Column("learned 95 % interval", unit="%", digits=0, kind=Interval),
-        Column("higher score", digits=2),
-        Column("score 95 % interval", digits=2, kind=Interval),
-    )
-    rows = tuple(
-        (*_where(field, part), one.method, other.method, *values)
+    lines = (
+        _Line(
+            *(field, part, one.method, other.method, len(both)),
+            sampled.difference(_of(one.learned, both), _of(other.learned, both)),
+            sampled.difference(_of(one.scores, both), _of(other.scores, both)),
+        )
         for field in drawn(fields)
         for part in parts(field)
         for one, other in combinations(field.entries, 2)
-        if (values := _pair(one, other, part))
+        if (both := _fitting(part, one, other))
     )
+    columns = _WHERE | _OTHER | _numbers("both fit", "learned more often", "higher score")
     note = "By how much the method has more than the other, mean over the tasks that both fit. "
-    return Table("Differences on drawn tasks", columns, rows, (note + _INTERVALS,))
+    return Table.of("Differences on drawn tasks", lines, columns, (note + _INTERVALS,))
 
 
-def _pair(one: Entry, other: Entry, part: Part) -> tuple[Value, ...]:
-    """Empty where no task fits both."""
-    both = [place for place in part.places if one.scores[place] and other.scores[place]]
-    if not both:
-        return ()
-
-    def more(name: str) -> Estimate:
-        first, second = (
-            [np.array(getattr(entry, name)[place], dtype=float) for place in both] for entry in (one, other)
-        )
-        return sampled.difference(first, second)
-
-    return f"{len(both)} of {len(part.places)}", *_percent(more("learned")), *more("scores")
+def _fitting(part: Part, *entries: Entry) -> list[int]:
+    """The places of the part's tasks that all these methods fit."""
+    return [place for place in part.places if all(entry.scores[place] for entry in entries)]
 
 
-def _percent(estimate: Estimate) -> tuple[float, Interval | None]:
-    value, ends = estimate
-    return 100 * value, ends and Interval(100 * ends.low, 100 * ends.high)
-
-
-def _where(field: Field, part: Part) -> tuple[str, ...]:
-    return field.budget, field.track, part.kind, part.group
+def _of(seeds: Sequence[Sequence[float]], places: Iterable[int]) -> Runs:
+    return [np.array(seeds[place], dtype=float) for place in places]

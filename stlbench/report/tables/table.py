@@ -139,6 +139,12 @@ class Table:
         rows = tuple(tuple(row[i] for i in chosen) for row in self.rows)
         return Table(title, tuple(self.columns[i] for i in chosen), rows, self.notes)
 
+    def trimmed(self, *, folded: bool = False) -> Table:
+        """Without empty columns. If `folded`, what all rows share goes into the title, as on a screen."""
+        shown = [i for i, values in enumerate(zip(*self.rows, strict=True)) if any(v not in (None, "") for v in values)]
+        alike = [i for i in shown if folded and i in self.alike]
+        return self.select((i for i in shown if i not in alike), self.title_with(alike)) if self.rows else self
+
 
 def show(value: Value, digits: int | None = None) -> str:
     """A value for people, rounded. The interval of what was learned has a line of its own."""

@@ -1,0 +1,120 @@
+"""The facts of `stlbench show task`: the file, what the controller and the baselines get, what methods make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from stlbench import stl
+from stlbench.cli.common import warn
+from stlbench.contract import System, Unsuitable
+from stlbench.contract.presentation import Described
+from stlbench.errors import cause, one_line
+from stlbench.records.identity import Track
+from stlbench.records.result import Score
+from stlbench.registry import plugins
+from stlbench.rollout.baselines import Constants
+from stlbench.rollout.questions import Question, answers
+from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
+from stlbench.study.fitting import fit
+from stlbench.study.plugin_guard import ask
+from stlbench.task.task import Task
+
+
+def task_facts(task: Task, track: Track) -> dict[str, Any]:
+    """All that `stlbench show task` says of a task on a track, as JSON values. Intervals of formulas are in steps."""
+    file, system = task.file, task.dynamics if isinstance(task.dynamics, System) else None
+    beyond = system.beyond_state if system and file.features == "engineered" else ()
+    questions: list[Question[Any]] = [question(task.choice) for question in (by_hand, constant_actions, at_random)]
+    answered = answers(questions, ask)
+    controller, constants, random = map(answered.get, questions)
+    actions = _dumped(file.actions) or {axis.name: axis.ends for axis in task.source.axes}
+    return {
+        "title": file.title,
+        "source": file.source,
+        "notes": " ".join(file.notes.split()),
+        "formula": str(task.formula),
+        "rewarded": None if file.rewarded is None else str(file.rewarded),
+        "horizon": stl.horizon(task.formula),
+        "steps": file.steps,
+        "sampling_time": file.sampling_time,
+        "hold": file.hold,
+        "starts": file.starts,
+        # a policy's view: "engineered" or "state" of a system, "observation" of anything else, "formula" of both
+        "features": file.features if system or task.view else "observation",
+        "environment": None if file.environment is None else file.environment.id,
+        "beyond_state": task.view.quantities if task.view else beyond,
+        "controller": None if controller is None else _mean(controller) | {"robustness_min": controller.minimum},
+        "baselines": None if constants is None or random is None else _baselines(constants, random),
+        "best_known": None if file.best_known is None else file.best_known.model_dump(),
+        "signals": _dumped(file.signals),
+        "terms": _terms(task),
+        "actions": actions,
+        "robots": file.robots,
+        "training": file.training.model_dump(exclude_none=True),
+        "budgets": _dumped(file.budgets),
+        "protocols": {
+            key: {"title": each.title, "formula": str(each.formula or file.formula), "starts": each.starts}
+            for key, each in file.protocols.items()
+        },
+        "own_agent": task.own_agent,
+        "agents": file.agents,
+        "methods": _methods(task),
+        "equal_rewards": [
+            dict(vars(difference)) for difference in differences(task.choice, plugins.available("methods"), ask, track)
+        ],
+    }
+
+
+def _dumped(parts: Mapping[str, BaseModel]) -> dict[str, dict[str, Any]]:
+    return {name: part.model_dump(exclude_none=True) for name, part in parts.items()}
+
+
+def _mean(score: Score) -> dict[str, float]:
+    return {"robustness_mean": score.mean, "satisfaction": score.satisfaction}
+
+
+def _baselines(constants: Constants, random: Score) -> dict[str, Any]:
+    return {
+        "trivial": constants.trivial,
+        "zero": _mean(constants.zero),
+        "constant": _mean(constants.best) | {"action": constants.action},
+        "random": _mean(random),
+    }
+
+
+def _terms(task: Task) -> list[dict[str, Any]] | str:
+    """The terms of eq. 2 with the range of each rho over the signals' box, or the reason why there are none."""
+    try:
+        terms = task.specification.terms
+    except Unsuitable as reason:
+        return one_line(reason)
+    ranges = [task.specification.range(term.psi) for term in terms]
+    return [
+        {"formula": str(term.formula), "rho_min": low, "rho_max": high}
+        for term, (low, high) in zip(terms, ranges, strict=True)
+    ]
+
+
+def _methods(task: Task) -> dict[str, Any]:
+    methods = {}
+    for name in plugins.available("methods"):
+        try:
+            methods[name] = _method(task, name)
+        except plugins.PluginError as error:
+            warn(str(error))
+    return methods
+
+
+def _method(task: Task, name: str) -> dict[str, Any]:
+    """The description of a method with default parameters, or the status and reason why it does not fit."""
+    fitted = fit(task, name)
+    if (method := fitted.method) is None:
+        return {"status": fitted.status, "reason": fitted.reason}
+    try:
+        described = dict(method.describe()) if isinstance(method, Described) else {}
+    except Exception as error:
+        return {"status": "raised", "reason": cause(error)}
+    return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described
