@@ -21,12 +21,12 @@ from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.records.result import reported
 from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
-from stlbench.report import film
-from stlbench.report.film import FRAMES_A_SECOND
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.referee import score, simulate
 from stlbench.rollout.traces import Recording
+from stlbench.study import film
+from stlbench.study.film import FRAMES_A_SECOND
 from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
 from stlbench.task import Task, load_task

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from stlbench.records.result import LEARNED
-from stlbench.statistics.intervals import median, median_interval
 
 RESULTS = Path(__file__).parents[1] / "results"
 
@@ -41,17 +40,6 @@ class Seeds:
     def learned(self) -> tuple[int, int]:
         """Seeds in which the selected and the final policy learned the task."""
         return sum(self.passed), sum(share >= LEARNED for share in self.final)
-
-    @property
-    def counts(self) -> str:
-        """ "5, 4 of 5"."""
-        return f"{', '.join(map(str, self.learned))} of {len(self.robustness)}"
-
-    def __str__(self) -> str:
-        """ "0.396 [0.395, 0.397] 5, 4 of 5"."""
-        ends = median_interval(self.robustness)
-        shown = "" if ends is None else f" [{ends.low:.3f}, {ends.high:.3f}]"
-        return f"{median(self.robustness):.3f}{shown} {self.counts}"
 
 
 def table(folder: str, name: str) -> list[Row]:
@@ -99,3 +87,9 @@ def estimate(row: Row, name: str, digits: int) -> str:
     """ "2.4 [1.6, 3.2]": a column of the aggregates over tasks, with its interval."""
     low, high = row[f"{name} 95 % interval low"], row[f"{name} 95 % interval high"]
     return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
+
+
+def markdown(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 1) -> str:
+    """A table; `right` columns after the first are aligned to the right."""
+    rule = ["---", *["--:"] * right, *["---"] * (len(header) - 1 - right)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in (header, rule, *body))

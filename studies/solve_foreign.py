@@ -15,11 +15,9 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-RACE = ROOT / "results" / "solve" / "race.csv"
 ROWS, FOLDERS = ROOT / "results" / "solve" / "foreign.csv", ROOT / "build" / "solve-foreign"
 COLUMNS = (
     "environment",
@@ -68,11 +66,11 @@ def main(names: list[str]) -> None:
             add(measured(name))
 
 
-def rows(path: Path = ROWS) -> list[dict[str, str]]:
+def rows() -> list[dict[str, str]]:
     """Those that are there."""
-    if not path.is_file():
+    if not ROWS.is_file():
         return []
-    with path.open(encoding="utf-8", newline="") as file:
+    with ROWS.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
@@ -89,41 +87,6 @@ def page() -> str:
             cells = [f"`{name}`", f"`{formula}`", f"{float(row['cpu']) / 60:.1f}", row["satisfied"], certificate]
             lines.append(f"| {' | '.join([*cells, row['remark']])} |")
     return "\n".join(lines)
-
-
-def race_page() -> str:
-    """CPU seconds of `solve` and of each peer, one row per task; more than so many where 95 % were not reached."""
-    if not RACE.is_file():
-        return "Not measured yet: `make bench PARTS=tests/benchmarks/test_solve.py`."
-    head = "| task | `solve` | and its certificate | PPO | SAC | TD3 | DQN | fastest peer / `solve` |"
-    lines = [head, "|---|--:|--:|--:|--:|--:|--:|--:|"]
-    cells = rows(RACE)
-    for task in dict.fromkeys(row["task"] for row in cells):
-        by = {row["contestant"]: row for row in cells if row["task"] == task}
-        if not (ours := [row for name, row in by.items() if name.startswith("solve")]):
-            continue
-        whole, learned = sum(float(row["whole"]) for row in ours), ours[-1]["reached"] == "True"
-        seconds = whole - float(ours[-1]["whole"]) + float(ours[-1]["cpu"])
-        peers = {name: row for name, row in by.items() if not name.startswith("solve")}
-        reached = [float(row["cpu"]) for row in peers.values() if row["reached"] == "True"]
-        if not peers or not (learned or reached):
-            ratio = ""
-        elif learned and reached:
-            ratio = f"{min(reached) / seconds:.2g}"
-        elif learned:
-            ratio = f"> {min(float(row['cpu']) for row in peers.values()) / seconds:.2g}"
-        else:
-            ratio = f"< {min(reached) / seconds:.2g}"
-        shown = [_seconds(peers[name]) if name in peers else "" for name in ("PPO", "SAC", "TD3", "DQN")]
-        mine = [f"{seconds:.0f}", f"{whole:.0f}"] if learned else [f"> {seconds:.0f}", ""]
-        lines.append(f"| {' | '.join([task, *mine, *shown, ratio])} |")
-    return "\n".join(lines)
-
-
-def _seconds(row: Mapping[str, str]) -> str:
-    if row["reached"] == "True":
-        return f"{float(row['cpu']):.0f}"
-    return f"> {float(row['cpu']):.0f} ({100 * float(row['best']):.0f} %)"
 
 
 def add(row: dict[str, str]) -> None:

@@ -9,15 +9,15 @@ import asyncio
 import multiprocessing
 import time
 import warnings
-from collections import deque
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from stlbench.contract import Outcome, Unsuitable, cause
+from stlbench.contract import Unsuitable, cause
+from stlbench_executors.elsewhere import RunElsewhere
 from stlbench_executors.memory import share
 from stlbench_executors.supervisor import Ended, Task
-from stlbench_executors.worker import WorkerPool, WorkItems, difference, installed, outcome_of
+from stlbench_executors.worker import WorkerPool, WorkItems, difference, installed
 
 if TYPE_CHECKING:
     from distributed import Client, Future, Worker
@@ -74,7 +74,6 @@ async def leave(run: str, dask_worker: Worker) -> None:
 
 CHECK_SECONDS = 1.0  # between two checks which workers there are, at least
 WARN_SECONDS = 10.0  # a user who has started no worker by then is warned
-OFFERS = 2  # so many workers are tried for an item if each before was lost
 SILENCE_SECONDS = 600.0  # an item whose worker is silent so long after the deadline has timed out
 
 
@@ -86,33 +85,31 @@ class _SentItem(NamedTuple):
     end: float  # when it has timed out, by the monotonic clock
 
 
-class DaskRun:
-    """Items that wait, that workers have, and that have ended; at most `most` are sent at a time."""
+class DaskRun(RunElsewhere):
+    """Items that workers of Dask have, at most `most` at a time."""
 
     def __init__(self, client: Client, run: Run, items: WorkItems, most: int, address: str) -> None:
         from distributed import as_completed
 
-        self._client, self._run, self._items, self._most, self._address = client, run, items, most, address
-        self._waiting = deque(range(len(items)))
-        self._offers = dict.fromkeys(range(len(items)), 0)
-        self._sent, self._over = dict[str, _SentItem](), deque[Outcome]()
+        super().__init__(items)
+        self._client, self._run, self._most, self._address = client, run, most, address
+        self._sent = dict[str, _SentItem]()
         self._free, self._refused = dict[str, int](), set[str]()
         self._completed = as_completed(loop=client.loop, with_results=True, raise_errors=False)
         self._begin, self._next_check, self._has_warned = time.monotonic(), 0.0, False
 
-    def outcomes(self) -> Generator[Outcome]:
-        while self._waiting or self._sent:
-            if time.monotonic() >= self._next_check:
-                self._check()
-            self._send()
-            if not self._completed.has_ready():
-                with self._completed.thread_condition:
-                    self._completed.thread_condition.wait(0.05)
-            for future, result in self._completed.next_batch(block=False):
-                self._take(future, result)
-            self._send()  # what the caller does with outcomes may take a while
-            while self._over:
-                yield self._over.popleft()
+    def _turn(self) -> None:
+        if time.monotonic() >= self._next_check:
+            self._check()
+        self._send()
+        for future, result in self._completed.next_batch(block=False):
+            self._take(future, result)
+        self._send()  # what the caller does with outcomes may take a while
+
+    def _wait(self) -> None:
+        if not self._completed.has_ready():
+            with self._completed.thread_condition:
+                self._completed.thread_condition.wait(0.05)
 
     def _check(self) -> None:
         """Let new workers join the run, and send the items of lost ones to others."""
@@ -122,10 +119,10 @@ class DaskRun:
             del self._free[worker]
         for sent in [sent for sent in self._sent.values() if sent.worker not in there]:
             self._forget(sent)
-            self._lose(sent)
+            self._lose(sent.item, "worker")
         for sent in [sent for sent in self._sent.values() if sent.end < begin]:
             self._forget(sent)
-            self._over.append(Outcome(sent.item, "timeout", reason="its worker does not answer", facts={}))
+            self._end(sent.item, Ended("timeout", reason="its worker does not answer"))
         self._join({worker: threads for worker, threads in there.items() if worker not in self._known})
         self._warn_without_workers()
         took = time.monotonic() - begin
@@ -159,7 +156,7 @@ class DaskRun:
 
     def _refuse(self, worker: str, problem: str) -> None:
         """End the run if nothing was sent yet; else do without this worker."""
-        if not any(self._offers.values()):
+        if not any(self._offers):
             raise Unsuitable(f"worker {worker} cannot be used: {problem}")
         self._refused.add(worker)
         warnings.warn(f"worker {worker} is not used: {problem}", stacklevel=2)
@@ -200,21 +197,13 @@ class DaskRun:
         if sent.worker in self._free:
             self._free[sent.worker] += 1
         if status == "finished" and isinstance(result, Ended):
-            self._over.append(outcome_of(sent.item, result))
+            self._end(sent.item, result)
         elif status == "error" and not isinstance(result[1], KilledWorker):
-            reason = f"its worker could not run it: {cause(result[1])}"
-            self._over.append(Outcome(sent.item, "killed", reason=reason, facts={}))
+            self._end(sent.item, Ended("killed", reason=f"its worker could not run it: {cause(result[1])}"))
         else:
             self._present()  # or the scheduler is gone, and no worker to blame
             self._free.pop(sent.worker, None)  # where it is there, it joins again
-            self._lose(sent)
-
-    def _lose(self, sent: _SentItem) -> None:
-        if self._offers[sent.item] < OFFERS:
-            self._waiting.appendleft(sent.item)
-        else:
-            reason = f"the worker that ran it was lost, {OFFERS} times"
-            self._over.append(Outcome(sent.item, "killed", reason=reason, facts={}))
+            self._lose(sent.item, "worker")
 
     def _forget(self, sent: _SentItem) -> None:
         del self._sent[sent.key]

@@ -17,11 +17,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from stlbench_executors.elsewhere import OFFERS, lost
 from stlbench_executors.memory import share
 from stlbench_executors.supervisor import Ended, Task
 from stlbench_executors.worker import WorkerPool, difference, installed
-
-OFFERS = 2  # so often an item is begun if the job before was lost
 
 SILENCE_SECONDS = 300.0
 """A job ends when the run has been silent for so long. A shared disk may show a file a minute late."""
@@ -119,15 +118,7 @@ def _run(chunk: Chunk) -> None:
     try:
         for index, task in chunk.tasks:
             if not chunk.job_folder.has_ended(index):
-                chunk.job_folder.end(index, _ended(pool, chunk.job_folder.begin(index), task))
+                is_given_up = chunk.job_folder.begin(index) > OFFERS
+                chunk.job_folder.end(index, lost("job") if is_given_up else pool.run(task))
     finally:
         pool.close()
-
-
-def _ended(pool: WorkerPool, times: int, task: Task) -> Ended:
-    return lost() if times > OFFERS else pool.run(task)
-
-
-def lost() -> Ended:
-    """The end of an item that is not begun again."""
-    return Ended("killed", reason=f"the job that ran it was lost, {OFFERS} times")

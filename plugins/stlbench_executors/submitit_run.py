@@ -12,17 +12,17 @@ import signal
 import subprocess
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from stlbench.contract import Outcome, Unsuitable
+from stlbench.contract import Unsuitable
+from stlbench_executors.elsewhere import OFFERS, RunElsewhere
 from stlbench_executors.pool import GRACE_SECONDS, START_SECONDS
-from stlbench_executors.submitit_job import OFFERS, JobFolder, lost
+from stlbench_executors.submitit_job import JobFolder
 from stlbench_executors.supervisor import Ended
-from stlbench_executors.worker import WorkItems, outcome_of
+from stlbench_executors.worker import WorkItems
 
 if TYPE_CHECKING:
     from submitit import Job
@@ -125,8 +125,8 @@ def beating(job_folder: JobFolder) -> Iterator[None]:
         thread.join()
 
 
-class SubmititRun:
-    """Items that wait, that jobs have, and that have ended.
+class SubmititRun(RunElsewhere):
+    """Items that jobs have.
 
     Args:
         items: the items.
@@ -148,25 +148,22 @@ class SubmititRun:
         most: int,
         queued: int,
     ) -> None:
-        self._items, self._job_folder, self._submit, self._states = items, job_folder, submit, states
+        super().__init__(items)
+        self._job_folder, self._submit, self._states = job_folder, submit, states
         self._size, self._most, self._queued = size, most, queued
-        self._waiting, self._left = deque(range(len(items))), set(range(len(items)))
-        self._offers = [0] * len(items)
         self._jobs: dict[Job[Any], list[int]] = {}
         self._ended: dict[Job[Any], float] = {}
-        self._next_states, self._over = 0.0, deque[Outcome]()
+        self._next_states = 0.0
 
-    def outcomes(self) -> Generator[Outcome]:
-        while self._left:
-            self._send()
-            self._collect()
-            if time.monotonic() >= self._next_states:
-                self._check()
-                self._next_states = time.monotonic() + min(STATE_SECONDS, LAG_SECONDS)
-            while self._over:
-                yield self._over.popleft()
-            if self._left:
-                time.sleep(CHECK_SECONDS)
+    def _turn(self) -> None:
+        self._send()
+        self._collect()
+        if time.monotonic() >= self._next_states:
+            self._check()
+            self._next_states = time.monotonic() + min(STATE_SECONDS, LAG_SECONDS)
+
+    def _wait(self) -> None:
+        time.sleep(CHECK_SECONDS)
 
     @property
     def jobs(self) -> Collection[Job[Any]]:
@@ -195,11 +192,6 @@ class SubmititRun:
         if ended:
             self._jobs = {job: indices for job, indices in self._jobs.items() if not self._left.isdisjoint(indices)}
 
-    def _end(self, index: int, ended: Ended) -> None:
-        if index in self._left:  # else of a job that was thought lost
-            self._left.remove(index)
-            self._over.append(outcome_of(index, ended))
-
     def _check(self) -> None:
         """Find jobs that have ended without the ends of all their items."""
         now, known = time.monotonic(), self._states(self._jobs)
@@ -218,10 +210,7 @@ class SubmititRun:
         if state == GONE and not begun:
             state = "CANCELLED"  # `squeue` forgets at once a job of an array that is cancelled while it waits
         if state in LOST or (not begun and state in (*LATE, "OUT_OF_MEMORY")):
-            if self._offers[index] < (OFFERS if begun else STARTS):
-                self._waiting.appendleft(index)
-            else:
-                self._end(index, lost())
+            self._lose(index, "job", OFFERS if begun else STARTS)
         elif begun or state == "CANCELLED" or len(self._left) < len(self._items):
             reason = f"its job {job.job_id} ended before it: {state}"
             self._end(index, Ended("timeout" if state in LATE else "killed", reason=reason))

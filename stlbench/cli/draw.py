@@ -126,7 +126,7 @@ def render(
       stlbench render results reach-stay/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench.report.film import ffmpeg
+    from stlbench.study.film import ffmpeg
     from stlbench.study.filming import film_cell
 
     if start is not None and start_index is not None:

@@ -15,10 +15,12 @@ from stlbench.cli.options import Listed, names, study_options, tasks_of
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.gate import summary
-from stlbench.gate.judge import EXIT, Judgement, judge, judge_turns
-from stlbench.gate.measure import both_trees, cells_of, measure, select, take_turns
+from stlbench.gate.judge import EXIT, Judgement, judge
+from stlbench.gate.measure import cells_of, measure, select
 from stlbench.gate.snapshot import Snapshot, load, save
 from stlbench.gate.summary import Named
+from stlbench.gate.trees import both_trees
+from stlbench.gate.turns import judge_turns, take_turns
 from stlbench.records.status import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress

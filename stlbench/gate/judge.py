@@ -1,4 +1,4 @@
-"""Is a new snapshot worse than its base? One rule for results, on paired seeds; and one for costs, by turns.
+"""Is a new snapshot worse than its base? One rule, on paired seeds.
 
 Each seed gives one *gain* of robustness and satisfaction, positive where the new snapshot is better. Of the gains of a
 setting, that is of one task, method, agent, budget and track:
@@ -8,19 +8,16 @@ setting, that is of one task, method, agent, budget and track:
   as with equal code.
 - **cannot tell**: anything else.
 
-Costs of two snapshots are *not judged*: the machine was busy otherwise at another hour. By turns, base and new train
-the same cell one right after the other. Each turn gives one ratio. The median ratio of a setting is compared with the
-tolerated one by its exact 95 % interval, which assumes no distribution (the interval of the sign test: Conover 1999,
-Practical Nonparametric Statistics, 3.2).
+Costs of two snapshots are *not judged*: the machine was busy otherwise at another hour. `turns` judges those by turns.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +27,6 @@ from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.status import ACCIDENTS
 from stlbench.statistics.differences import holm
-from stlbench.statistics.intervals import median_interval
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
@@ -154,7 +150,7 @@ def judge(base_snapshot: Snapshot, new_snapshot: Snapshot) -> Judgement:
         if new is not None and base.status == new.status == "done":
             done[base.id.setting].append((base, new))
     qualities, costs = (
-        [each for metric in metrics for setting, pairs in done.items() if (each := _compare(setting, metric, pairs))]
+        [each for metric in metrics for setting, pairs in done.items() if (each := compare(setting, metric, pairs))]
         for metrics in (QUALITIES, COSTS)
     )
     return Judgement((*_judged(qualities), *costs), findings)
@@ -171,16 +167,18 @@ def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
     return []
 
 
-def _values(metric: Metric, pairs: Iterable[tuple[Sample | None, Sample | None]]) -> Floats:
+def values_of(metric: Metric, pairs: Iterable[tuple[Sample | None, Sample | None]]) -> Floats:
     """(n, 2): of base and new, where both have the number, and the base's is finite; of a cost, above 0."""
     values = [(metric.value(base), metric.value(new)) for base, new in pairs if base and new]
     known = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
     return np.array([each for each in known if all(each) or not metric.is_cost], dtype=np.float64).reshape(-1, 2)
 
 
-def _compare(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> Comparison | None:
-    """On the seeds that both snapshots have a number of; None without any. The verdict is still to be given."""
-    values = _values(metric, members)
+def compare(
+    setting: Setting, metric: Metric, members: Sequence[tuple[Sample | None, Sample | None]]
+) -> Comparison | None:
+    """On the members of which both have a number; None without any. The verdict is still to be given."""
+    values = values_of(metric, members)
     if not len(values):
         return None
     with np.errstate(invalid="ignore"):  # a robustness that is no number any more is an infinite loss
@@ -216,78 +214,3 @@ def _verdict(of: Comparison, chance: float) -> Verdict:
     if of.gain < -of.metric.tolerated:
         return "worse" if chance < ALPHA else "cannot tell"
     return "no worse" if of.low >= -2 * of.metric.tolerated else "cannot tell"
-
-
-MOST = 50  # turns of a setting after which its verdict stays open
-ROUNDS = 2  # the fewest rounds after which anything is worse: slower code stays slow, and disturbances go
-FEWEST = 6  # turns from which on the median has an interval of 95 %
-
-
-class Turn(NamedTuple):
-    """One cell, trained by both sides; None if a revision does not know the cell."""
-
-    cell: CellId
-    round: int
-    """From 1. Each round has each cell of a setting once."""
-    base: Sample | None
-    new: Sample | None
-
-
-def judge_turns(reference: Snapshot, turns: Sequence[Turn]) -> tuple[Judgement, Snapshot]:
-    """The verdict on a change, and the snapshot of its cells.
-
-    Costs are compared turn by turn. Robustness and satisfaction are compared with the reference if the two are equal,
-    else with the base's values on this machine: the reference's machine may round differently.
-    """
-    first = [turn for turn in turns if turn.round == 1]
-    new = Snapshot({turn.cell: turn.new for turn in first if turn.new is not None})
-    given = {turn.cell: turn.base for turn in first if turn.base is not None}
-    expected = {
-        cell: sample if _same(sample, new.samples.get(cell)) else given.get(cell, sample)
-        for cell, sample in reference.samples.items()
-    }
-    judgement = judge(Snapshot(expected), new)
-    qualities = (comparison for comparison in judgement.comparisons if not comparison.metric.is_cost)
-    return Judgement((*qualities, *judge_costs(turns)), judgement.findings), new
-
-
-def _same(one: Sample, two: Sample | None) -> bool:
-    return two is not None and all(metric.value(one) == metric.value(two) for metric in QUALITIES)
-
-
-def judge_costs(turns: Iterable[Turn]) -> tuple[Comparison, ...]:
-    """Both costs of each setting of which both sides finished a cell.
-
-    A setting is *worse* if its whole interval is above the tolerated ratio after two rounds or more, and *no worse* if
-    its whole interval is at most that ratio; otherwise the turns *cannot tell*.
-    """
-    settings = defaultdict[Setting, list[Turn]](list)
-    for turn in turns:
-        settings[turn.cell.setting].append(turn)
-    compared = (_by_turns(setting, metric, own) for metric in COSTS for setting, own in sorted(settings.items()))
-    return tuple(comparison for comparison in compared if comparison is not None)
-
-
-def unclear(turns: Sequence[Turn]) -> set[Setting]:
-    """The settings that need more turns: the verdict on one of their costs is still open."""
-    taken = Counter(turn.cell.setting for turn in turns)
-    open_ones = {each.setting for each in judge_costs(turns) if each.verdict == "cannot tell"}
-    return {setting for setting in open_ones if taken[setting] < MOST}
-
-
-def _by_turns(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Comparison | None:
-    values = _values(metric, ((turn.base, turn.new) for turn in turns))
-    if not len(values):
-        return None
-    base, new = values.T
-    gains = metric.gain(base, new)
-    low, high = (len(gains) >= FEWEST and median_interval(gains.tolist())) or (-math.inf, math.inf)
-    verdict: Verdict = "cannot tell"
-    if low >= -metric.tolerated:
-        verdict = "no worse"
-    elif high < -metric.tolerated and max(turn.round for turn in turns) >= ROUNDS:
-        verdict = "worse"
-    chance = float(special.bdtr(int(np.sum(gains >= -metric.tolerated)), len(gains), 0.5))
-    middle = float(np.median(base)), float(np.median(new))
-    gain, turned = float(np.median(gains)), tuple(gains.tolist())
-    return Comparison(setting, metric, *middle, len(turned), gain, low, high, chance, verdict, turned)

@@ -11,11 +11,11 @@ from stlbench.contract.presentation import Banded
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Result
 from stlbench.records.saved_policies import Which
-from stlbench.report import film
 from stlbench.report.figures.files import file_name, save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import load
+from stlbench.study import film
 from stlbench.study.policies import EVERY, Replay, Start, reenact, replay
 from stlbench.task import load_task
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import psutil
 import pytest
+from helpers.studies import load
 
 from benchmarks.conftest import Race
 from benchmarks.solve_race import ENTRIES, WANTED
@@ -61,16 +62,7 @@ def test_solve(race: Race, task: str, contestant: str) -> None:
 
 
 def _cells(task: str) -> dict[str, Cell]:
-    if not CELLS.is_file():
-        return {}
-    with CELLS.open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["task"] == task]
-    return {row["contestant"]: row | _read(row) for row in rows}
-
-
-def _read(row: dict[str, str]) -> Cell:
-    """The columns of a line that are no text; a peer has no `whole`."""
-    return {"cpu": float(row["cpu"]), "whole": float(row["whole"] or 0), "reached": row["reached"] == "True"}
+    return load("race").cells(CELLS).get(task, {})
 
 
 def _measured(task: str, contestant: str) -> Cell:
@@ -145,16 +137,11 @@ def _answer(words: list[str], path: Path) -> Cell:
 
 def _figures(name: str, cells: dict[str, Cell]) -> dict[str, float | str]:
     """Seconds of `solve` and of each peer, and how many times ours the fastest peer took; a text where not reached."""
-    tries = [cell for contestant, cell in cells.items() if contestant.startswith("solve")]
-    ours, learned = sum(cell["whole"] for cell in tries[:-1]) + tries[-1]["cpu"], tries[-1]["reached"]
-    peers = {contestant: cell for contestant, cell in cells.items() if not contestant.startswith("solve")}
-    figures: dict[str, float | str] = {f"{name}_solve": ours if learned else f"> {ours:.0f}"}
-    for peer, cell in peers.items():
+    found = load("race").race_of(cells)
+    figures: dict[str, float | str] = {f"{name}_solve": found.seconds if found.learned else f"> {found.seconds:.0f}"}
+    for peer, cell in found.peers.items():
         figures[f"{name}_{peer}"] = cell["cpu"] if cell["reached"] else f"> {cell['cpu']:.0f}"
-    reached = [cell["cpu"] for cell in peers.values() if cell["reached"]]
-    if learned:
-        tried = min(cell["cpu"] for cell in peers.values())
-        figures[f"{name}_times"] = min(reached) / ours if reached else f"> {tried / ours:.1f}"
-    elif reached:
-        figures[f"{name}_times"] = f"< {min(reached) / ours:.2f}"
+    if found.times is not None:
+        sign, times = found.times
+        figures[f"{name}_times"] = f"{sign} {times:.2g}" if sign else times
     return figures

@@ -13,11 +13,10 @@ from typer.testing import CliRunner, Result
 
 from stlbench.cli import app
 from stlbench.records.outputs import write
-from stlbench.report import film
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.files import Drawing
 from stlbench.search import outputs
-from stlbench.study import filming
+from stlbench.study import film, filming
 
 ENTRIES = """
 [stlbench.methods]

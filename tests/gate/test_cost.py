@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stlbench.gate.judge import COSTS, MOST, Comparison, Turn, Verdict, judge_costs, judge_turns, unclear
+from stlbench.gate.judge import COSTS, Comparison, Verdict
 from stlbench.gate.snapshot import Sample, Snapshot
+from stlbench.gate.turns import MOST, Turn, judge_costs, judge_turns, unclear
 from stlbench.records.identity import CellId
 
 CPU, REWARD = COSTS

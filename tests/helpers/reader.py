@@ -22,8 +22,7 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.contract import Outcome, cause
 from stlbench.registry import plugins
-from stlbench.report import film
-from stlbench.study import study
+from stlbench.study import film, study
 from stlbench.task import task
 from stlbench.task.file import Budget, TaskFile
 from stlbench_executors.local import LocalExecutor

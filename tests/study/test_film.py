@@ -10,8 +10,8 @@ from PIL import Image
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import Film
 from stlbench.registry.choices import Choice
-from stlbench.report import film
 from stlbench.rollout.traces import Recording
+from stlbench.study import film
 from stlbench.task import load_task
 from stlbench.task.task import Task
 

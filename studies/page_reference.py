@@ -1,0 +1,171 @@
+"""Tables of pages from results/reference, the main study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import ablation
+import recorded
+from recorded import Row, estimate, markdown, number
+
+from stlbench import Results
+
+METHODS = ("funnel", "funnel[variant=code]", "raw", "flag", "tau-mdp")
+"""Columns of the main table."""
+RIVALS = ("funnel", "raw", "flag")
+"""Methods that every track has."""
+SEEDS = 10
+"""Of the study: only where a row has another number, an entry says it."""
+
+
+def rows(name: str) -> list[Row]:
+    """Those of a table of the reference."""
+    return recorded.table("reference", name)
+
+
+def learned_by(track: str) -> dict[tuple[str, str], Row]:
+    """Task and method -> its row of the table of robustness, of the tasks themselves by their own agents."""
+    return {
+        (row["task"], row["method"]): row
+        for row in rows("robustness")
+        if row["track"] == track and row["budget"] == "quick" and "[" not in row["task"] + row["agent"]
+    }
+
+
+def short(row: Row) -> str:
+    """ "0.396, 9 *": median, and how many seeds learned the task with the selected policy."""
+    return f"{number(row['median robustness'])}, {row['learned']} {row.get('mark', '').replace('~', '')}".rstrip()
+
+
+def entry(row: Row | None, seeds: int = SEEDS, interval: bool = True) -> str:
+    """ "0.396 [0.395, 0.397] 10, 9 *": median, interval, seeds that learned it with the selected and final policy."""
+    if row is None:
+        return ""
+    if not row["median robustness"]:
+        return row["seeds unfinished"].partition(" ")[2]
+    ends = (row["median 95 % interval low"], row["median 95 % interval high"])
+    known = f"[{', '.join(map(number, ends))}] " if interval else ""
+    shown = f"{number(row['median robustness'])} {known}" if all(ends) else ""
+    of = "" if int(row["seeds done"]) == seeds else f" of {row['seeds done']}"
+    marks = row.get("mark", "").replace("~", "")
+    return f"{shown}{row['learned']}, {row['final learned']}{of}{f' {marks}' if marks else ''}"
+
+
+def headline() -> str:
+    """The table of README: one row per task, narrow enough for a laptop."""
+    return _by_task(RIVALS, lambda row: short(row) if row else "")
+
+
+def study() -> str:
+    """One row per task, one column per method, with intervals."""
+    return _by_task(METHODS, entry)
+
+
+def _by_task(methods: Sequence[str], shown: Callable[[Row | None], str]) -> str:
+    found = learned_by("shared")
+    standards = {row["task"]: row for row in rows("controllers")}
+    body = [
+        [
+            f"`{task}`",
+            number(standards[task]["zero action"]) + (", trivial" if standards[task]["trivial"] else ""),
+            number(standards[task]["mean robustness"]),
+            *(shown(found.get((task, method))) for method in methods),
+        ]
+        for task in dict.fromkeys(task for task, _ in found)
+    ]
+    return markdown(["task", "zero", "by hand", *(f"`{method}`" for method in methods)], body, right=2)
+
+
+def tracks() -> str:
+    """One row per task and method that more than one track has, one column per track; no trivial tasks."""
+    found = {track: learned_by(track) for track in ("plain", "shared", "tuned")}
+    trivial = {row["task"] for row in rows("controllers") if row["trivial"]}
+    keys = [
+        (task, method)
+        for task, method in found["shared"]
+        if method in RIVALS and task not in trivial and {(task, method)} & {*found["plain"], *found["tuned"]}
+    ]
+    body = [
+        [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method))) for track in found)]
+        for task, method in keys
+    ]
+    return markdown(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
+
+
+def parts() -> str:
+    """One row per task and method: what is learned with the whole recipe, and without each of its parts."""
+    return markdown(["task", "method", "whole", *(f"`{part}`" for part in ablation.PARTS)], ablation.lines(), right=0)
+
+
+def overlap_ends() -> str:
+    """One row per method: what is learned on `overlap`, beside what was with early ends of episodes."""
+    now, before = learned_by("shared"), recorded.table("overlap-ends", "robustness")
+    body = [[f"`{row['method']}`", entry(now["overlap", row["method"]]), entry(row)] for row in before]
+    return markdown(["method", "the recipe, without ends", "with ends"], body, right=0)
+
+
+def verdicts() -> str:
+    """One row per task: in words how `funnel` compares with `raw`. The page says that `flag` is worse than both."""
+    said = {
+        (row["task"], row["method"], row["other"]): row["verdict"]
+        for row in rows("comparisons")
+        if row["track"] == "shared" and "[" not in row["task"] + row["agent"]
+    }
+    assert {said[task, "flag", rival] for task, *_ in said for rival in ("funnel", "raw")} == {"worse"}
+    body = [[f"`{task}`", said[task, "funnel", "raw"]] for task in dict.fromkeys(task for task, *_ in said)]
+    return markdown(["task", "`funnel` against `raw`"], body, right=0)
+
+
+def across() -> str:
+    """One row per method: on how many tasks it fits, and aggregates over these, without trivial tasks, track shared."""
+    found = [row for row in recorded.first_field(rows("aggregates")) if row["track"] == "shared"]
+    body = [
+        [f"`{row['method']}`", row["fits"], *(estimate(row, name, digits) for name, digits in _ESTIMATES)]
+        for row in found
+    ]
+    return markdown(["method", "fits", "IQM", "mean", "rank"], body, right=0)
+
+
+_ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
+"""Columns, and how many decimals they have."""
+
+
+def of_setting(cells: Sequence[Row], setting: Row) -> list[Row]:
+    """The finished cells that a row of the table of robustness is about: none of an agent that plans."""
+    same = ("task", "method", "agent", "budget", "track")
+    return [row for row in cells if row["status"] == "done" and all(row[part] == setting[part] for part in same)]
+
+
+_MEASURES = (
+    ("the paper's, one start, steps 100..200", "paper", ("0.938", "0.102")),
+    ("steps 100..200, 64 starts", "tail", ("", "")),
+    ("the formula, from the centre, at most 1", "centre", ("", "")),
+    ("the formula, 1,000 random starts, at most .397", "random", ("", "")),
+)
+"""Text, protocol, and what the paper reports of funnel and flag."""
+
+
+def measures() -> str:
+    """The comparative study: one row per measure and sampling time, mean over the seeds, smallest and largest."""
+    scores = Results.load(recorded.RESULTS / "reference").robustness()
+    scores = scores[(scores["track"] == "shared") & (scores["policy"] == "selected") & (scores["agent"] == "dqn")]
+    body = []
+    for text, protocol, papers in _MEASURES:
+        for task, sampling in (("hold-disc-coarse", "0.1 s"), ("hold-disc", "0.01 s")):
+            own = scores[(scores["task"] == task) & (scores["protocol"] == protocol)]
+            values = {method: own[own["method"] == method]["robustness_mean"] for method in RIVALS}
+            shown = {method: f"{one.mean():.3f} [{one.min():.3f}, {one.max():.3f}]" for method, one in values.items()}
+            said = papers if sampling == "0.1 s" else ("", "")
+            body.append([text, sampling, said[0], shown["funnel"], said[1], shown["flag"], shown["raw"]])
+    header = ["measure", "sampling", "paper, funnel", "`funnel`", "paper, flag", "`flag`", "`raw`"]
+    return markdown(header, body, right=0)
+
+
+def cost() -> str:
+    """One row per task: CPU seconds of a cell, mean over rivals and seeds, and the share that is not training."""
+    body, found, cells = [], learned_by("shared"), rows("cells")
+    for task in dict.fromkeys(task for task, _ in found):
+        own = [row for method in RIVALS for row in of_setting(cells, found[task, method])]
+        whole, training = (sum(float(row[name]) for row in own) for name in ("cpu_seconds", "training_cpu_seconds"))
+        body.append([f"`{task}`", f"{whole / len(own):.1f} s", f"{100 * (1 - training / whole):.0f} %"])
+    return markdown(["task", "a cell", "without training"], body, right=2)
