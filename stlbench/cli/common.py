@@ -141,9 +141,9 @@ def _damaged(error: Exception) -> str | None:
     names = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
     if "importlib.metadata" not in names:
         return None
-    from stlbench.registry import plugins
+    from stlbench.registry.installed import damaged
 
-    return next(plugins.damaged(), None)
+    return next(damaged(), None)
 
 
 def refuse(message: str, code: int = 2) -> int:

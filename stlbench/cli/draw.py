@@ -56,7 +56,7 @@ def plot(
     from stlbench.report.figures import trace_figures
     from stlbench.report.figures.style import colours_of, fitting
 
-    groups = condense(stored.read(run), stored.missing(run))
+    groups = condense(stored.read(run), stored.missing(run).values())
     settings = [group.setting for group in groups if group.tried]
     some_tasks = _known(tasks, {setting.task for setting in settings}, "task", run)
     some_methods = _known(methods, {setting.method for setting in settings}, "method", run)

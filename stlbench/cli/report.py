@@ -78,7 +78,7 @@ def report(
             "name one folder, or bundles, which end in .zip; `stlbench results merge` puts folders together"
         )
     (folder,) = paths
-    groups = condense(stored.read(folder), stored.missing(folder))
+    groups = condense(stored.read(folder), stored.missing(folder).values())
     if not groups or (html and all(row.status == NOT_RUN for group in groups for row in group.rows)):
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     if not html and not as_json:

@@ -88,7 +88,7 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     Raises:
         UsageError: all of these cells ended as unsuitable.
     """
-    recorded = condense(stored.read(folder), stored.missing(folder))
+    recorded = condense(stored.read(folder), stored.missing(folder).values())
     shown = only(recorded, cells)
     rows = [row for group in shown for row in group.rows]
     show_report(recorded, folder, explain, shown=shown)

@@ -93,7 +93,7 @@ def export(
     """
     if form == "jsonl":
         path = (out or (folder if folder.is_dir() else folder.parent)) / stored.LINES
-        stored.write_lines(list(stored.read(folder)), path, stored.missing_by_key(folder))
+        stored.write_lines(list(stored.read(folder)), path, stored.missing(folder))
         paths = [path]
     else:
         results = Results.load(folder)

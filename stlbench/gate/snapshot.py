@@ -19,10 +19,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError, in_words
 from stlbench.records import stored
+from stlbench.records.columns import numbers
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
 from stlbench.records.ledger import FILE
 from stlbench.records.outputs import write
-from stlbench.records.result import TASK_FOLDER, Result, numbers
+from stlbench.records.result import TASK_FOLDER, Result
 from stlbench.records.schema import is_sqlite
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.share.checked import unpacked

@@ -12,7 +12,8 @@ from stlbench.errors import unwritable
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.reader import Records
 from stlbench.records.result import Result
-from stlbench.records.schema import Row, opened, texts, values
+from stlbench.records.rows import Row, texts, values
+from stlbench.records.schema import opened
 from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"  # its name in a folder of results

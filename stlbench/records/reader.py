@@ -13,7 +13,8 @@ from typing import Any, NamedTuple, Self
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.result import Result, plain
-from stlbench.records.schema import LISTED, Row, cell_of, is_sqlite, opened, result_of, texts
+from stlbench.records.rows import Row, cell_of, result_of, texts
+from stlbench.records.schema import LISTED, is_sqlite, opened
 
 _IDENTITY = ", ".join(IDENTITY)
 _BYTES = 200  # the least that a row takes, in any table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -168,34 +168,6 @@ class Measurement:
     def selection(self) -> CurvePoint:
         """The selected checkpoint, scored on the starts for selection."""
         return next(point for point in self.curve if point.steps == self.selected_steps)
-
-
-def numbers(measurement: Measurement) -> dict[str, Any]:
-    """A measurement as flat columns: the one mapping for ledgers, tables, logs and the gate.
-
-    Scores are those that count (`reported`), of the selected policy and, with the prefix `final_`, of the final one:
-    `robustness_mean`, `robustness_min`, `satisfaction` in [0, 1], `ended_early` and `starts`. The other columns are the
-    fields of `Measurement` that are a single value, and `maximised` and `grid_value` of a policy that was planned.
-    """
-    columns = {each.name: getattr(measurement, each.name) for each in fields(Measurement) if each.name not in _NESTED}
-    for prefix, scores in (("", measurement.selected), ("final_", measurement.final)):
-        columns |= {f"{prefix}{name}": value for name, value in score_numbers(reported(scores)).items()}
-    planned = measurement.planned
-    return columns if planned is None else columns | {"maximised": planned.maximised, "grid_value": planned.value}
-
-
-def score_numbers(score: Score) -> dict[str, float | int | None]:
-    """A score as flat columns."""
-    return {
-        "robustness_mean": score.mean,
-        "robustness_min": score.minimum,
-        "satisfaction": score.satisfaction,
-        "ended_early": score.ended_early,
-        "starts": score.starts,
-    }
-
-
-_NESTED = ("selected", "final", "curve", "planned", "policies")
 
 
 @dataclass(frozen=True)

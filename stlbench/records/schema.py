@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import sqlite3
-from collections.abc import Mapping
 from contextlib import ExitStack, closing
-from datetime import UTC, datetime
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, Self, cast, get_args
 
 from stlbench.errors import UsageError, one_line, unwritable
-from stlbench.records.identity import IDENTITY, CellId, Track
-from stlbench.records.outputs import cell_files, inside
-from stlbench.records.result import Result, from_json, numbers, to_json
-from stlbench.records.status import Status
-from stlbench.registry.choices import parse_choice
+from stlbench.records.identity import IDENTITY
+from stlbench.records.outputs import inside
 
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"  # the columns of a `Row`
 VERSION = 5  # of the tables below, in `PRAGMA user_version`. A ledger of another version is refused.
@@ -177,79 +169,3 @@ def _expected() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
             if kind == "table"
         }
     return columns, {(name, sql) for kind, name, sql in named if kind == "index"}
-
-
-_NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training_wall_seconds")
-"""Columns for queries by SQL."""
-
-
-class Row(NamedTuple):
-    number: int  # rows that were recorded later have greater numbers
-    key: str
-    status: Status
-    failures: int  # how often in a row the cell has failed
-    again: bool  # whether the next run measures the cell
-    cell: CellId
-
-    @classmethod
-    def of(cls, number: int, key: str, status: Status, failures: int, again: int, *identity: str | int) -> Self:
-        """From a rowid and the columns `LISTED`. Raises `ValueError` if they are damaged."""
-        if status not in get_args(Status):
-            raise ValueError(f"no status {status!r:.80}")
-        return cls(number, key, status, failures, bool(again), cell_of(*identity))
-
-
-_choice = lru_cache(maxsize=4096)(parse_choice)
-
-
-def cell_of(*identity: str | int) -> CellId:
-    """The cell of the columns `IDENTITY`. Raises `ValueError` if they are damaged."""
-    task, method, agent, seed, budget, track = identity
-    if not isinstance(seed, int):
-        raise ValueError(f"a seed should be a number, got {seed!r:.80}")
-    if track not in get_args(Track):
-        raise ValueError(f"no track {track!r:.80}")
-    return CellId(
-        _choice(str(task)), _choice(str(method)), _choice(str(agent)), seed, str(budget), cast(Track, str(track))
-    )
-
-
-def texts(cell: CellId) -> tuple[str, str, str, int, str, str]:
-    """The columns `IDENTITY` of a cell."""
-    return str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget, cell.track
-
-
-def values(result: Result, folder: Path, failures: int) -> dict[str, str | int | float | None]:
-    """Column -> value of the row of a result that is recorded now, in a folder that has its files already."""
-    measured, text = result.measurement, to_json(result)
-    columns = numbers(measured) if measured else {}
-    return {
-        "key": result.key,
-        **dict(zip(IDENTITY, texts(result.id), strict=True)),
-        "status": result.status,
-        "reason": result.reason,
-        **{name: columns.get(name) for name in _NUMBERS},
-        "recorded_at": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "result": text,
-        "checksum": checksum_of(text),
-        "files": json.dumps(checksums_beside(folder, result) if measured else {}),
-        "failures": failures,
-        "again": 0,
-    }
-
-
-def result_of(text: Any, checksum: Any) -> Result:
-    if checksum != checksum_of(text):
-        raise ValueError("it does not have the checksum that was recorded with it")
-    return from_json(text)
-
-
-def checksum_of(text: Any) -> str:
-    return hashlib.sha256(text if isinstance(text, bytes) else str(text).encode()).hexdigest()[:32]
-
-
-def checksums_beside(folder: Path, result: Result) -> Mapping[str, str]:
-    """Name -> SHA-256 (64 hex digits) of the traces and the policies that exist."""
-    paths = cell_files(folder, result.id, result.key)
-    named = {"traces": paths.traces, "policies": paths.policies}
-    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in named.items() if path.is_file()}

@@ -17,7 +17,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
-from stlbench.records.schema import LONGEST, Row
+from stlbench.records.rows import Row
+from stlbench.records.schema import LONGEST
 from stlbench.records.status import NOT_RUN
 
 _T = TypeVar("_T")
@@ -77,13 +78,8 @@ class _OfLedger(Mapping[CellId, Result]):
         return len(self.rows)
 
 
-def missing(path: Path) -> list[CellId]:
-    """The cells that were planned and have no result. Raises `UsageError` as `read`."""
-    return list(missing_by_key(path).values())
-
-
-def missing_by_key(path: Path) -> dict[str, CellId]:
-    """The same, by their keys in the plan."""
+def missing(path: Path) -> dict[str, CellId]:
+    """The cells that were planned and have no result, by their keys in the plan. Raises `UsageError` as `read`."""
     file = _existing(path)
     if file.suffix == SUFFIX:
         entries = (_checked(_Planned.of, text, where) for text, where in _texts(file))

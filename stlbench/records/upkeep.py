@@ -133,7 +133,7 @@ def _agree(result: Result, before: Result) -> bool:
 def _plan(source: Path, ledger: Ledger) -> int:
     """Take over the missing cells of the source's plan; the number of cells that are new to the ledger."""
     known = {*ledger.counted(), *ledger.planned().values()}
-    new = {key: cell for key, cell in stored.missing_by_key(source).items() if cell not in known}
+    new = {key: cell for key, cell in stored.missing(source).items() if cell not in known}
     ledger.plan_also(new)
     return len(new)
 

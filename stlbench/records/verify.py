@@ -14,7 +14,7 @@ from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import POLICIES, TRACES, cell_files, end_of_name, inside
 from stlbench.records.result import Result
-from stlbench.records.schema import checksums_beside
+from stlbench.records.rows import checksums_beside
 
 DAMAGED = FILE + ".damaged"  # the name that `repair` gives to a ledger with an unreadable part
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import inspect
-import os
 import re
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import Distribution, EntryPoint, distributions
+from importlib.metadata import EntryPoint
 from types import ModuleType
 from typing import Any
 
@@ -19,6 +18,7 @@ from stlbench.errors import DISTRIBUTION, UsageError, cause, did_you_mean, one_l
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
 from stlbench.registry.exits import exits_raise
+from stlbench.registry.installed import entries
 
 _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "methods": (contract.RewardMethod,),
@@ -121,7 +121,8 @@ _ADDED = {kind: dict[str, Plugin]() for kind in KINDS}
 def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
     """The path is what the answer depends on."""
     by_name = dict[str, Plugin]()
-    for plugin in sorted(_installed(kind), key=_precedence):
+    found = [Plugin(kind, *entry) for entry in entries(f"stlbench.{kind}", _warn)]
+    for plugin in sorted(found, key=_precedence):
         if not choices.NAME.fullmatch(plugin.name):
             _warn(f"{plugin} is ignored: a plugin's name consists of a-z, 0-9 and -, and does not begin with -")
         elif plugin.name in by_name:
@@ -129,38 +130,6 @@ def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
         else:
             by_name[plugin.name] = plugin
     return by_name
-
-
-def _installed(kind: str) -> Iterator[Plugin]:
-    """Like `importlib.metadata.entry_points`, which one distribution with a broken file makes fail for all."""
-    group, seen = f"stlbench.{kind}", set[str]()
-    for distribution in distributions():
-        try:
-            if group not in (distribution.read_text("entry_points.txt") or ""):
-                continue
-            name, version = one_line(distribution.metadata["Name"] or ""), one_line(distribution.version)
-            if not name:
-                raise ValueError("it has no name")
-            entries = tuple(distribution.entry_points.select(group=group))
-        except Exception as error:
-            _warn(f"{_place(distribution)}: a distribution there cannot be read: {one_line(error)}")
-            continue
-        if name not in seen:  # the first on the path shadows others of its name
-            seen.add(name)
-            yield from (Plugin(kind, entry.name, name, version, entry) for entry in entries)
-
-
-def damaged() -> Iterator[str]:
-    """The place and the error of each distribution that cannot be read: then libraries that look for plugins fail."""
-    for distribution in distributions():
-        try:
-            _ = distribution.entry_points
-        except Exception as error:
-            yield f"{_place(distribution)}: {cause(error)}"
-
-
-def _place(distribution: Distribution) -> str:
-    return os.path.abspath(getattr(distribution, "_path", None) or str(distribution.locate_file("")))
 
 
 def _precedence(plugin: Plugin) -> tuple[str, bool, str, str]:

@@ -69,7 +69,7 @@ def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:
 def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
-    yield stored.LINES, stored.lines(results, stored.missing_by_key(folder)).encode()
+    yield stored.LINES, stored.lines(results, stored.missing(folder)).encode()
     for path in sorted(path for path in folder.iterdir() if path.suffix in _TABLES and path.is_file()):
         yield path.name, path.read_bytes()
     for result in kept:

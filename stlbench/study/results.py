@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.records import stored
+from stlbench.records.columns import numbers, score_numbers
 from stlbench.records.identity import IDENTITY, CellId, find_cell
-from stlbench.records.result import Result, numbers, score_numbers
+from stlbench.records.result import Result
 from stlbench.records.saved_policies import Which
 from stlbench.records.saved_traces import SavedTraces, read_cell
 from stlbench.records.status import ACCIDENTS, NOT_RUN
@@ -55,7 +56,7 @@ class Results:
             UsageError: there is neither, or the file is not as it should be.
         """
         path = Path(folder)
-        return cls.of(stored.read(path), path if path.is_dir() else path.parent, stored.missing(path))
+        return cls.of(stored.read(path), path if path.is_dir() else path.parent, stored.missing(path).values())
 
     @classmethod
     def of(cls, results: Iterable[Result], folder: Path, missing: Iterable[CellId] = ()) -> Self:

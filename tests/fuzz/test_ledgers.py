@@ -23,7 +23,7 @@ HERE = ("--executor", "toy-here")
 def read_all(folder: Path) -> None:
     """What a report reads."""
     with suppress(UsageError):
-        condense(stored.read(folder), stored.missing(folder))
+        condense(stored.read(folder), stored.missing(folder).values())
 
 
 @pytest.fixture

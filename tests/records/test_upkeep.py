@@ -166,7 +166,7 @@ def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
     assert Results.load(into).missing == (c.id,)
     assert merge(into, source) == counts(kept=1)
     text = tmp_path / "text"
-    stored.write_lines(stored.read(source), text / stored.LINES, stored.missing_by_key(source))
+    stored.write_lines(stored.read(source), text / stored.LINES, stored.missing(source))
     assert merge(tmp_path / "other", text) == counts(added=1, planned=2)
     assert Results.load(tmp_path / "other").missing == (a.id, c.id)
 

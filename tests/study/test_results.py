@@ -178,12 +178,12 @@ def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
         ledger.record(recorded[0])
         ledger.plan({"a key": planned, recorded[0].key: recorded[0].id})
     written = tmp_path / "text" / stored.LINES
-    lines = stored.missing_by_key(tmp_path)
+    lines = stored.missing(tmp_path)
     assert lines == {"a key": planned}
     stored.write_lines(stored.read(tmp_path), written, lines)
     assert list(stored.read(written)) == [recorded[0]]
-    assert stored.missing_by_key(written) == lines
-    assert stored.missing(written) == [planned]
+    assert stored.missing(written) == lines
+    assert list(stored.missing(written).values()) == [planned]
     assert [json.loads(line)["status"] for line in written.read_text().splitlines()] == ["done", "not run"]
     with pytest.raises(UsageError, match="line 1: not a result as"):
         stored.missing(_written(tmp_path / "bad.jsonl", '{"task": "hold-disc", "status": "not run"}'))
