@@ -51,6 +51,10 @@ class SuiteSystem(System):
 
     about: ClassVar[About]
 
+    def signals(self, state: Array) -> Array:
+        """The columns of the state that have the names of signals: (..., n) -> (..., k)."""
+        return state[..., [self.state.index(name) for name in self.about.ranges]]
+
     def features(self, state: Array, t: Integers) -> Array:
         """The state alone; on the track `auto` the formula's view stands beside it."""
         return self.scaled_state(state)

@@ -26,15 +26,11 @@ class Integrator(SuiteSystem):
     )
 
     def step(self, state: Array, action: Array) -> Array:
-        """One sampling time later: (N, 2), (N, 2) -> (N, 2)."""
+        """One sampling time later: (N, n), (N, n) -> (N, n)."""
         return state + self.dt * action
 
-    def signals(self, state: Array) -> Array:
-        """x, y: (..., 2) -> (..., 2)."""
-        return state
-
     def scaled_state(self, state: Array) -> Array:
-        """The place: (N, 2) -> (N, 2)."""
+        """The place: (N, n) -> (N, n)."""
         return scaled(state)
 
 
@@ -56,10 +52,6 @@ class DoubleIntegrator(SuiteSystem):
         place, velocity = state[:, :2], state[:, 2:]
         moved = place + self.dt * velocity + self.dt**2 / 2 * action
         return np.concatenate([moved, velocity + self.dt * action], axis=1)
-
-    def signals(self, state: Array) -> Array:
-        """x, y and their velocities: (..., 4) -> (..., 4)."""
-        return state
 
     def scaled_state(self, state: Array) -> Array:
         """The place, and the velocity over 2 m/s: (N, 4) -> (N, 4)."""
@@ -84,10 +76,6 @@ class Unicycle(SuiteSystem):
         heading, ahead = state[:, 2], self.dt * action[:, 0]
         change = np.stack([ahead * np.cos(heading), ahead * np.sin(heading), self.dt * action[:, 1]], axis=1)
         return state + change
-
-    def signals(self, state: Array) -> Array:
-        """x, y: (..., 3) -> (..., 2)."""
-        return state[..., :2]
 
     def scaled_state(self, state: Array) -> Array:
         """The place, the heading's cosine and sine: (N, 3) -> (N, 4)."""
@@ -124,10 +112,6 @@ class Quadrotor(SuiteSystem):
         rate = rate + self.dt * (turn - 2 * rate)
         return np.stack([x + self.dt * vx, z + self.dt * vz, vx, vz, tilt + self.dt * rate, rate], axis=1)
 
-    def signals(self, state: Array) -> Array:
-        """x, z, tilt: (..., 6) -> (..., 3)."""
-        return state[..., [0, 1, 4]]
-
     def scaled_state(self, state: Array) -> Array:
         """The place, velocities over 2 m/s, tilt and rate over 1: (N, 6) -> (N, 6)."""
         return np.concatenate([scaled(state[:, :2]), state[:, 2:4] / 2, state[:, 4:]], axis=1)
@@ -162,16 +146,12 @@ class CartPendulum(SuiteSystem):
         rate = rate + self.dt * (_GRAVITY * np.sin(angle) - u * np.cos(angle)) / 2
         return np.stack([x + self.dt * v, v, angle + self.dt * rate, rate], axis=1)
 
-    def signals(self, state: Array) -> Array:
-        """x, angle: (..., 4) -> (..., 2)."""
-        return state[..., [0, 2]]
-
     def scaled_state(self, state: Array) -> Array:
         """The place, the velocity over 2 m/s, the angle over 0.5 rad, its rate over 1 rad/s: (N, 4) -> (N, 4)."""
         return np.stack([scaled(state[:, 0]), state[:, 1] / 2, 2 * state[:, 2], state[:, 3]], axis=1)
 
 
-class Arm(SuiteSystem):
+class Arm(Integrator):
     """Three links of 1.4, 1.1 and 0.8 m from the middle of the room, whose joints' velocities are controlled.
 
     The signals are the place of the tip. Each joint's angle counts from the link before.
@@ -204,10 +184,6 @@ class Arm(SuiteSystem):
         total = np.cumsum(angles, axis=-1)
         return np.stack([3 + np.cos(total) @ cls.links, 3 + np.sin(total) @ cls.links], axis=-1)
 
-    def step(self, state: Array, action: Array) -> Array:
-        """One sampling time later: (N, 3), (N, 3) -> (N, 3)."""
-        return state + self.dt * action
-
     def signals(self, state: Array) -> Array:
         """x, y of the tip: (..., 3) -> (..., 2)."""
         return self.tip(state)
@@ -217,7 +193,7 @@ class Arm(SuiteSystem):
         return np.concatenate([np.cos(state), np.sin(state)], axis=1)
 
 
-class Pair(SuiteSystem):
+class Pair(Integrator):
     """Two points whose velocities are controlled, and which keep a distance of 0.5 m: p' = p + dt v."""
 
     state = ("ax", "ay", "bx", "by")
@@ -231,18 +207,6 @@ class Pair(SuiteSystem):
         settle=0.5,
         top=2**0.5,
     )
-
-    def step(self, state: Array, action: Array) -> Array:
-        """One sampling time later: (N, 4), (N, 4) -> (N, 4)."""
-        return state + self.dt * action
-
-    def signals(self, state: Array) -> Array:
-        """The places of both: (..., 4) -> (..., 4)."""
-        return state
-
-    def scaled_state(self, state: Array) -> Array:
-        """The places: (N, 4) -> (N, 4)."""
-        return scaled(state)
 
 
 SYSTEMS: Mapping[str, type[SuiteSystem]] = {
