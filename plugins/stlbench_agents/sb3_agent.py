@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
@@ -16,19 +14,6 @@ from stlbench_agents.training import box_of, cost_of, grid_of, need_sb3, report_
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Run torch with one thread and without denormal numbers, which are slow: dead ReLUs push Adam's moments there."""
-    import torch  # takes seconds
-
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
-    try:
-        yield
-    finally:
-        torch.set_flush_denormal(False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,10 +85,16 @@ class SB3Agent(Learner):
 
     def train(self, training: Training) -> Policy:
         """SB3 seeds and uses the process's global generators (random, NumPy, torch)."""
-        with one_thread():
-            environment = training.make(self.copies)
-            lock_steps = max(1, training.steps // (self.copies * environment.hold))
+        import torch  # takes seconds
+
+        environment = training.make(self.copies)
+        lock_steps = max(1, training.steps // (self.copies * environment.hold))
+        torch.set_num_threads(1)
+        torch.set_flush_denormal(True)  # denormal numbers are slow: dead ReLUs push Adam's moments there
+        try:
             return self.fitted(lock_steps)._train(training, environment, lock_steps)
+        finally:
+            torch.set_flush_denormal(False)
 
     def _train(self, training: Training, environment: Environment, lock_steps: int) -> Policy:
         from stlbench_agents.sb3_bridge import Checkpoints

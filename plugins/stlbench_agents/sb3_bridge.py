@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from stlbench.contract import ActionGrid, Array, Environment, Event, Integers
-from stlbench_agents.q_learner import GreedyPolicy, QNetwork
 from stlbench_agents.replay import weighted_rewards
 
 Single = NDArray[np.float32]
@@ -90,14 +88,3 @@ class Checkpoints(BaseCallback):
 
     def _on_training_end(self) -> None:
         self._report()
-
-
-def greedy_policy(layers: Iterable[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
-    """The greedy policy, as it is now, of SB3's Q-network with these layers and D inputs, on a grid of actions."""
-    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
-    network = QNetwork(inputs, [layer.out_features for layer in linear[:-1]], grid, "joint")
-    weights = []
-    for layer in linear:
-        matrix, bias = layer.weight.detach().numpy(), layer.bias.detach().numpy()
-        weights += [matrix if layer is linear[-1] else np.ascontiguousarray(matrix.T), bias]
-    return GreedyPolicy(network, weights)

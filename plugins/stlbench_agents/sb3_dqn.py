@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from stlbench.contract import Actions, Arrays, Environment, Policy
+from stlbench_agents.policies import linear_layers
 from stlbench_agents.recipes import Count, DeepQ, Whole
 from stlbench_agents.sb3_agent import SB3OffPolicy
 from stlbench_agents.training import grid_of
@@ -42,6 +44,9 @@ class SB3DQN(DeepQ, SB3OffPolicy):
         return super().options(environment) | {"target_update_interval": rounded_up}
 
     def exported(self, model: DQN, environment: Environment) -> Policy:
-        from stlbench_agents.sb3_bridge import greedy_policy
+        from stlbench_agents.q_learner import GreedyPolicy, QNetwork  # as above
 
-        return greedy_policy(model.q_net.q_net, environment.observation_size, grid_of(environment.actions).shape)
+        *hidden, (matrix, bias) = linear_layers(model.q_net.q_net)
+        size, grid = environment.observation_size, grid_of(environment.actions).shape
+        network = QNetwork(size, [len(layer[1]) for layer in hidden], grid, "joint")
+        return GreedyPolicy(network, [*chain.from_iterable(hidden), matrix.T, bias])

@@ -35,6 +35,7 @@ class Machine(RewardMethod):
     """
 
     can_end = True
+    floor = -1.0
 
     def __init__(
         self,
@@ -53,10 +54,6 @@ class Machine(RewardMethod):
         phases = int(np.minimum(self._lengths, 2).sum())
         self._weight = 1 / phases if shaping == "phases" else 0.0
         self.scale = 2.0 if shaping == "phases" else 1.0
-
-    @property
-    def floor(self) -> float:
-        return -1.0
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         before = np.clip(self._lengths - (self._ends - t[:, None] + 1), 0, self._lengths).astype(np.float64)

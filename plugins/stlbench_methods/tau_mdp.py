@@ -54,7 +54,7 @@ class TauMdp(RewardMethod):
         self.memory_size = self.tau * len(specification.signals)
         self._paid_from = first + self.tau - 1 if first else 0
         self._sign = 1.0 if self.outer == "F" else -1.0
-        low, high = _range(self.phi, specification)
+        low, high = _range(stl.negations_inside(self.phi), specification)
         if form == "robustness" and high <= 0:
             raise Unsuitable(f"tau-mdp: {self.phi} cannot be satisfied robustly, its rho_max is {high:.4g}")
         compiled = stl.holds_trace if form == "probability" else stl.margin_trace
@@ -107,17 +107,12 @@ def _outer(formula: stl.Formula) -> tuple[Literal["F", "G"], stl.Formula]:
 
 
 def _range(formula: stl.Formula, specification: Specification) -> tuple[float, float]:
-    """Bounds of the robustness of a formula whose samples may be anywhere in the box, each on its own."""
+    """Bounds of the robustness of a formula, with negations inside, whose samples may be anywhere in the box."""
     if not stl.is_temporal(formula):
         return bounded_range(specification, formula, specification.formula)
     match formula:
         case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
             return _range(arg, specification)
-        case stl.Not(arg):
-            low, high = _range(arg, specification)
-            return -high, -low
-        case stl.Implies(left, right):
-            return _range(stl.Or((stl.Not(left), right)), specification)
         case stl.Until(0, _, _, right) | stl.Release(0, _, _, right):  # the left operand need not hold at all
             return _range(right, specification)
         case stl.Until(_, _, left, right) | stl.Release(_, _, left, right):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import isfinite
 from typing import Annotated, Literal, TypeAlias
 
@@ -16,6 +17,7 @@ SemanticsName: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr"]
 Sharpness: TypeAlias = Annotated[float, Field(gt=0, le=100)]
 
 
+@dataclass(frozen=True)
 class Margins:
     """Margins; divided by the largest size over the box of the signals where the semantics is made for [-1, 1].
 
@@ -23,8 +25,8 @@ class Margins:
         Unsuitable: a margin has no bounds, as that of `True`.
     """
 
-    def __init__(self, specification: Specification, semantics: stl.Semantics) -> None:
-        self.specification, self.semantics = specification, semantics
+    specification: Specification
+    semantics: stl.Semantics
 
     def of(self, leaf: stl.Formula) -> Callable[[Array], Array]:
         margin, unit = self.specification.margin(leaf), self._unit(leaf)
@@ -41,11 +43,12 @@ class Margins:
         return max(abs(low), abs(high)) if self.semantics.divided else 1.0
 
 
+@dataclass(frozen=True)
 class Truths:
     """1 where a leaf holds, else 0."""
 
-    def __init__(self, specification: Specification, semantics: stl.Semantics) -> None:
-        self.specification, self.semantics = specification, semantics
+    specification: Specification
+    semantics: stl.Semantics
 
     def of(self, leaf: stl.Formula) -> Callable[[Array], Array]:
         holds = self.specification.holds(leaf)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
 from stlbench.contract import Intractable, Unsuitable
@@ -49,20 +49,14 @@ class Standard:
         return self.alike.get((one.task, one.track, frozenset((str(one.method), str(other.method)))))
 
 
-@dataclass(frozen=True)
-class Known:
-    best_known: BestKnown | None
-    own_agent: str
-    groups: Mapping[str, str]
-
-
-def about(task: Choice) -> Question[Known]:
+def about(task: Choice) -> Question[Standard]:
     return Question(known, (task,), (("tasks", task.name),), f"task {task}: it cannot be loaded")
 
 
-def known(task: Choice) -> Known:
+def known(task: Choice) -> Standard:
+    """What is known of a task without a simulation."""
     loaded = load_task(task)
-    return Known(loaded.file.best_known, loaded.own_agent, suites.groups(task.name))
+    return Standard(best_known=loaded.file.best_known, own_agent=loaded.own_agent, groups=suites.groups(task.name))
 
 
 def by_hand(task: Choice) -> Question[Score | None]:
@@ -119,13 +113,11 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     return {task.name: _standard(task, facts[about(task)], answered, _alike(by_task[task], ask)) for task in tasks}
 
 
-def _standard(task: Choice, facts: Known, answered: Mapping[Any, Any], alike: Mapping[_Pair, Likeness]) -> Standard:
+def _standard(task: Choice, facts: Standard, answered: Mapping[Any, Any], alike: Mapping[_Pair, Likeness]) -> Standard:
     constants: baselines.Constants | None = answered.get(constant_actions(task))
-    return Standard(
+    return replace(
+        facts,
         by_hand=answered.get(by_hand(task)),
-        best_known=facts.best_known,
-        own_agent=facts.own_agent,
-        groups=facts.groups,
         at_random=answered.get(at_random(task)),
         zero=constants.zero if constants else None,
         constant=constants.best if constants else None,

@@ -88,7 +88,7 @@ class Posed:
         """Write facts into `solve.json`."""
         write(self.folder / _ASKED, json.dumps(self.state | facts, indent=1))
 
-    def budget(self, name: str, **numbers: float) -> None:
+    def budget(self, name: str, **numbers: float | None) -> None:
         """Write a budget into the task file."""
         self._change_budgets(lambda budgets: budgets | {name: numbers})
 

@@ -197,7 +197,6 @@ class Trainer:
     def _write(self, name: str, steps: int, seconds: float, checkpoints: int, patience: int | None = None) -> None:
         """Write a budget of about so many steps, which should take so many seconds."""
         hold = self.posed.task.file.hold
-        few = {} if patience is None else {"patience": patience}
         self.posed.budget(
             name,
             steps=steps // hold * hold,
@@ -206,7 +205,7 @@ class Trainer:
             deadline=float(round(_HANGING + 3 * seconds)),
             checkpoints=checkpoints,
             random_starts=0,
-            **few,
+            patience=patience,
         )
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import pi
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,7 +17,7 @@ _GRAVITY = 9.81
 class Integrator(SuiteSystem):
     """A point whose velocity is controlled: p' = p + dt v."""
 
-    state = ("x", "y")
+    state: ClassVar[tuple[str, ...]] = ("x", "y")
     about = About(
         ranges={"x": ROOM, "y": ROOM},
         axes={"vx": (-1.0, 1.0, 5, "m/s"), "vy": (-1.0, 1.0, 5, "m/s")},
