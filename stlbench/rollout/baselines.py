@@ -12,7 +12,7 @@ from math import nan
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Integers, Policy, System
+from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, System
 from stlbench.records.result import LEARNED, Score, Summary
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid, nearest
@@ -99,10 +99,14 @@ class AtRandom(Policy):
         self._actions, self._generator = task.actions, np.random.default_rng(0)
 
     def act(self, observation: Array) -> Integers | Array:
-        actions, count = self._actions, len(observation)
-        if isinstance(actions, ActionGrid):
-            return self._generator.integers(actions.size, size=count)
-        return self._generator.uniform(actions.low, actions.high, (count, len(actions.low)))
+        return random_actions(self._actions, self._generator, len(observation))
+
+
+def random_actions(actions: Actions, generator: np.random.Generator, count: int) -> Integers | Array:
+    """So many actions, drawn evenly from all: indices (count,) of a grid, or vectors (count, axes)."""
+    if isinstance(actions, ActionGrid):
+        return generator.integers(actions.size, size=count)
+    return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
 
 def _best(task: Task, referee: Referee, starts: int) -> Array:

@@ -19,7 +19,6 @@ from stlbench.rollout.observing import scaled_times, time_and_inputs
 from stlbench.solver.problem import TASK
 from stlbench.study.policies import LoadedPolicy, load_policy
 from stlbench.study.results import Results
-from stlbench.task.gym_signals import numbers
 from stlbench.task.gym_spaces import as_action
 from stlbench.task.yaml_text import load_yaml
 
@@ -77,14 +76,8 @@ class Acting:
             return dynamics.scaled_state(state), dynamics.signals(state)
         if not isinstance(dynamics, GymTask):
             raise UsageError(f"{type(dynamics).__name__} is a world of its own, whose observations are not known here")
-        source = self.task.source
-        seen = np.asarray(source.observed.flat(observation), dtype=np.float64)[None]
-        if source.function is not None:
-            sample = numbers(source.function(observation, info), len(source.signals))[None]
-        else:
-            named = seen if source.entries.keys is None else source.entries.read(observation, 1)
-            sample = source.expressions.values(named, [info])
-        return source.observed.scaled(seen), sample
+        seen, sample = self.task.source.read([(observation, info)])
+        return self.task.source.observed.scaled(seen), sample
 
     def _decide(self, seen: Array, sample: Array, t: Integers) -> Array:
         view = [] if self.task.view is None else [self.task.view(seen, sample, t)]

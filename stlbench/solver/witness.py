@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
+from stlbench.rollout.baselines import random_actions
 from stlbench.rollout.controller import replay
 from stlbench.rollout.early_ends import judge
 from stlbench.task import Task
@@ -74,18 +75,11 @@ def _drawn(task: Task, generator: np.random.Generator, pieces: int) -> Integers 
     def sequences() -> Iterator[Integers | Array]:
         for different in cycle(_FIRST):
             count = min(different, pieces)
-            yield _at_random(task, generator, count)[np.arange(pieces) * count // pieces]
+            yield random_actions(task.actions, generator, count)[np.arange(pieces) * count // pieces]
 
-    drawn: list[Any] = list(islice(sequences(), COPIES))
-    generation: Integers | Array = np.stack(drawn)
+    first: list[Any] = list(islice(sequences(), COPIES))
+    generation: Integers | Array = np.stack(first)
     return generation
-
-
-def _at_random(task: Task, generator: np.random.Generator, count: int) -> Integers | Array:
-    actions = task.actions
-    if isinstance(actions, ActionGrid):
-        return generator.integers(actions.size, size=count)
-    return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
 
 def _changed(task: Task, generator: np.random.Generator, elite: Integers | Array) -> Integers | Array:
@@ -99,5 +93,5 @@ def _changed(task: Task, generator: np.random.Generator, elite: Integers | Array
         noise = _SPREAD * (high - low) * generator.standard_normal(children.shape)
         children = np.clip(children + noise, low, high)
     new = generator.random((COPIES, pieces)) < _NEW
-    children[new] = _at_random(task, generator, int(new.sum()))
+    children[new] = random_actions(task.actions, generator, int(new.sum()))
     return children

@@ -12,12 +12,14 @@ from copy import copy
 from functools import cached_property, lru_cache, partial
 from typing import Any, Literal, TypeAlias
 
-from stlbench.contract import GymTask, cause
+import numpy as np
+
+from stlbench.contract import Array, GymTask, cause
 from stlbench.errors import UsageError
 from stlbench.task.file import Axis, Environment, TaskFile
 from stlbench.task.gym_make import Gym, failed, made, modules, software
-from stlbench.task.gym_signals import Expressions
-from stlbench.task.gym_spaces import ActionAxis, Observed, action_axes, entries_of
+from stlbench.task.gym_signals import Expressions, numbers
+from stlbench.task.gym_spaces import ActionAxis, Observed, action_axes, entries_of, outside_space
 
 RenderMode: TypeAlias = Literal["rgb_array"] | None
 """Whether a copy renders pictures."""
@@ -64,6 +66,25 @@ class GymSource:
     def axes(self) -> tuple[ActionAxis, ...]:
         """The numbers of an action. Raises `UsageError` where the action space is none of numbers."""
         return action_axes(self.action_space)
+
+    def read(self, samples: Sequence[tuple[Any, Mapping[str, Any]]]) -> tuple[Array, Array]:
+        """The flat observations (r, d), and the signals (r, k), of observations with their infos.
+
+        Raises `UsageError` where an observation is outside its space, or a signal is missing.
+        """
+        try:
+            seen = [self.observed.flat(observation) for observation, _ in samples]
+            if wrong := {np.size(each) for each in seen} - {self.observed.size}:
+                raise ValueError(f"{min(wrong)} numbers in place of {self.observed.size}")
+            flat = np.array(seen, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise outside_space(str(error)) from error
+        if self.function is not None:
+            return flat, np.stack([numbers(self.function(*sample), len(self.signals)) for sample in samples])
+        named = flat
+        if self.entries.keys is not None:  # names stand for a part of the observation
+            named = np.concatenate([self.entries.read(observation, 1) for observation, _ in samples])
+        return flat, self.expressions.values(named, [info for _, info in samples])
 
     @cached_property
     def undrawn(self) -> str:

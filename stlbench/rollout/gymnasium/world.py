@@ -11,9 +11,8 @@ import numpy as np
 from stlbench.contract import Array, GymTask, Integers, World
 from stlbench.contract.presentation import Pixels
 from stlbench.errors import UsageError, one_line
-from stlbench.task.gym_signals import numbers
 from stlbench.task.gym_source import GymSource
-from stlbench.task.gym_spaces import as_action, outside_space
+from stlbench.task.gym_spaces import as_action
 
 
 class GymWorld(World):
@@ -86,17 +85,5 @@ class GymWorld(World):
 
     def _read(self, rows: Integers) -> Array:
         """The signals (r, k) of the newest observations of these rows, which `features` reads too."""
-        source, last = self._source, [self._last[row] for row in rows.tolist()]
-        try:
-            seen = [source.observed.flat(observation) for observation, _ in last]
-            if wrong := {np.size(each) for each in seen} - {source.observed.size}:
-                raise ValueError(f"{min(wrong)} numbers in place of {source.observed.size}")
-            self._seen[rows] = seen
-        except (TypeError, ValueError) as error:
-            raise outside_space(str(error)) from error
-        if source.function is not None:
-            return np.stack([numbers(source.function(*sample), len(source.signals)) for sample in last])
-        named = self._seen[rows]
-        if source.entries.keys is not None:  # names stand for a part of the observation
-            named = np.concatenate([source.entries.read(observation, 1) for observation, _ in last])
-        return source.expressions.values(named, [info for _, info in last])
+        self._seen[rows], signals = self._source.read([self._last[row] for row in rows.tolist()])
+        return signals
