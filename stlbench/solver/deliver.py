@@ -28,7 +28,8 @@ from stlbench.search.outputs import write as write_counterexample
 from stlbench.search.space import space_of
 from stlbench.share.onnx import export
 from stlbench.solver.contestants import rank
-from stlbench.solver.problem import TASK, WITNESS, Posed, Problem
+from stlbench.solver.posed import TASK, WITNESS, Posed
+from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
 from stlbench.solver.solution import FILE, FINAL, cells_of, code_of
 from stlbench.study.filming import film_cell

@@ -1,43 +1,25 @@
-"""What is to be solved: from an environment and a formula to a task file, with all that is wrong said before."""
+"""What is to be solved, and what its task file says: from an environment and a formula, with all that is wrong said."""
 
 from __future__ import annotations
 
-import json
 import re
-import shutil
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import yaml
 
 from stlbench import stl
-from stlbench.contract import GymTask
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.outputs import write
-from stlbench.records.result import Score
 from stlbench.registry import folders, plugins
-from stlbench.registry.choices import Choice
-from stlbench.rollout import baselines
-from stlbench.solver import tries, witness
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.task import Task, load_task
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_sketch import info_ends, sketch
 
-TASK = Choice("task")
-"""The folder of the task file, and so the task's name."""
-_ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
-_LOOK, _SEARCHED = 0.03, 15.0
-"""The share of the time for each of the first tries: scores, constant actions and a witness; and the most seconds for
-the last."""
-_MOST_SEARCHED = 3.0
-"""No witness is searched where one generation would take so many times the seconds of a search."""
 _NOTHING = 1e-300  # bounds are rounded outward, 0 too
-_AT_MOST, _CONSTANTS = 16, 50
-"""Starts from which constant actions are compared at most, and about how many are."""
 _DECISIONS = 200
 """An action is held for as many steps as leave at most so many decisions in an episode."""
 _BY_HAND = {"notes", "rewarded", "nested", "training", "features", "best_known", "baselines", "protocols", "budgets"}
@@ -63,131 +45,17 @@ class Problem:
     """What the environment is made with."""
 
 
-@dataclass(frozen=True)
-class Posed:
-    """A problem whose task file is written."""
+def content_of(problem: Problem, home: Path) -> dict[str, Any]:
+    """The content of its task file, without budgets; code that the task has is written into the folder `home`.
 
-    folder: Path
-    notes: tuple[str, ...]
-    """What the user should know of it, in a line each."""
-    episode_seconds: float
-    """Of simulating an episode that does not end early, without training."""
-
-    @property
-    def task(self) -> Task:
-        """As the file has it now."""
-        return load_task(TASK)
-
-    @property
-    def state(self) -> dict[str, Any]:
-        """The content of `solve.json`: the problem, the minutes, and the methods that race."""
-        state: dict[str, Any] = json.loads((self.folder / _ASKED).read_text(encoding="utf-8"))
-        return state
-
-    def remember(self, **facts: Any) -> None:
-        """Write facts into `solve.json`."""
-        write(self.folder / _ASKED, json.dumps(self.state | facts, indent=1))
-
-    def budget(self, name: str, **numbers: float | None) -> None:
-        """Write a budget into the task file."""
-        self._change_budgets(lambda budgets: budgets | {name: numbers})
-
-    def begin(self, minutes: float) -> None:
-        """Forget methods and budgets that were chosen for another time."""
-        if self.state.get("minutes") != minutes:
-            self._change_budgets(lambda budgets: {"probe": budgets["probe"]})
-            self.remember(minutes=minutes, methods=None)
-
-    def _change_budgets(self, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-        path = self.folder / TASK.name / _FILE
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-        _write(path, content | {"budgets": change(content["budgets"])})
-
-
-def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
-    """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
-
-    Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal, an environment
-    that ends at once, or a folder that has another problem.
+    Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal.
     """
-    asked, home = folder / _ASKED, folder / TASK.name
-    if asked.is_file():
-        state = json.loads(asked.read_text(encoding="utf-8"))
-        if not is_of(problem, folder):
-            raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
-        folders.know(home, instead=True)
-        return Posed(folder, tuple(state["notes"]), state["episode_seconds"])
-    if home.exists():
-        raise UsageError(
-            f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
-        )
-    try:
-        notes, seconds = _posed(problem, home, 60 * minutes)
-    except BaseException:
-        shutil.rmtree(home, ignore_errors=True)
-        raise
-    state = {"problem": asdict(problem), "notes": notes, "episode_seconds": seconds}
-    write(asked, json.dumps(state, indent=1))
-    return Posed(folder, tuple(notes), seconds)
-
-
-def is_of(problem: Problem, folder: Path) -> bool:
-    """Whether `solve` worked on this problem in this folder."""
-    asked = folder / _ASKED
-    return asked.is_file() and bool(json.loads(asked.read_text(encoding="utf-8"))["problem"] == asdict(problem))
-
-
-def _shown(problem: Mapping[str, Any]) -> str:
-    return f"{problem['environment']} {problem['formula'] or ''}".strip()
-
-
-def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], float]:
-    """Write the folder of the task; notes, and the seconds of an episode."""
-    content = _of_task(problem, home) if _is_task(problem.environment) else _of_environment(problem)
-    content["budgets"] = {"probe": _probe(content["steps"])}
-    _write(home / _FILE, content)
-    folders.know(home, instead=True)
-    task = load_task(TASK)
-    tries.try_at_random(task)
-    episode = tries.episode_seconds(task)
-    if isinstance(task.dynamics, GymTask):  # each copy is stepped by itself, which may take long
-        content["starts"] = int(np.clip(_LOOK * seconds / episode, tries.FEWEST, task.file.starts))
-        _write(home / _FILE, content)
-        task = load_task(TASK)
-    found = baselines.constants(task, int(np.clip(_LOOK * seconds / (_CONSTANTS * episode), 1, _AT_MOST)))
-    random = baselines.at_random(task)
-    content["baselines"] = {
-        "zero": _numbers(found.zero),
-        "constant": _numbers(found.best) | {"action": list(found.action)},
-        "random": _numbers(random),
-    }
-    _write(home / _FILE, content)
-    given = min(_SEARCHED, _LOOK * seconds)
-    nearest = witness.search(task, given) if witness.COPIES * episode <= _MOST_SEARCHED * given else None
-    if nearest is not None and nearest.satisfies:
-        facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
-        write(home.parent / WITNESS, json.dumps(facts))
-    return list(tries.notes(load_task(TASK), found, random, nearest)), episode
-
-
-def _probe(steps: int) -> dict[str, Any]:
-    """The budget by which the speed of training is measured."""
-    return {"steps": max(16 * steps, 6000), "seeds": 1, "deadline": 900, "checkpoints": 2, "random_starts": 0}
-
-
-def _write(path: Path, content: Mapping[str, Any]) -> None:
-    write(path, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110))
-
-
-def _numbers(score: Score) -> dict[str, float]:
-    return {"robustness": float(f"{score.mean:.6g}"), "satisfied": float(f"{score.satisfaction:.6g}")}
+    name = problem.environment
+    known = folders.is_path(name) or plugins.known("tasks", name) is not None
+    return _of_task(problem, home) if known else _of_environment(problem)
 
 
 # ------------------------------------------------------------------------------------------------------------ of a task
-
-
-def _is_task(name: str) -> bool:
-    return folders.is_path(name) or plugins.known("tasks", name) is not None
 
 
 def _of_task(problem: Problem, home: Path) -> dict[str, Any]:

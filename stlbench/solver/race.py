@@ -17,7 +17,7 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.solver.contestants import Contestant, best_first, contestants, rank
-from stlbench.solver.problem import TASK, Posed
+from stlbench.solver.posed import TASK, Posed
 from stlbench.solver.solution import FINAL, RACE, cells_of
 from stlbench.study.run import build_executor, run_study
 from stlbench.study.tuning import FIRST_SEED

@@ -17,7 +17,8 @@ from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
 from stlbench.solver.contestants import best_first
 from stlbench.solver.deliver import Delivery, sentence
-from stlbench.solver.problem import Problem, is_of, pose
+from stlbench.solver.posed import is_of, pose
+from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
 from stlbench.study.live_cells import duration

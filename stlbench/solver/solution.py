@@ -16,7 +16,7 @@ from stlbench.records.result import LEARNED
 from stlbench.registry import folders
 from stlbench.rollout.faults import pay
 from stlbench.rollout.observing import scaled_times, time_and_inputs
-from stlbench.solver.problem import TASK
+from stlbench.solver.posed import TASK
 from stlbench.study.policies import LoadedPolicy, load_policy
 from stlbench.study.results import Results
 from stlbench.task.gym_spaces import as_action

@@ -23,7 +23,8 @@ from stlbench.records.result import Result
 from stlbench.rollout import referee
 from stlbench.rollout.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, best_first, contestants, rank
-from stlbench.solver.problem import Problem, pose
+from stlbench.solver.posed import pose
+from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.run import _folder
 from stlbench.solver.solution import Solution
