@@ -40,6 +40,7 @@ class TD3(LockStepAgent):
     """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
     reward_scale: Positive = 10.0
 
+    compiled_part = "td3"
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
             "gamma": (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995),
@@ -64,10 +65,6 @@ class TD3(LockStepAgent):
         """The cost of a critic, and of the replay; the actor's is about that of a critic."""
         axes = len(actions.names)
         return cost_of(size + axes, self.net_arch, 1, min(decisions, self.buffer_size))
-
-    @property
-    def compiled_part(self) -> str:
-        return "td3"
 
     def compile(self) -> None:
         from stlbench_agents.td3_learner import TD3Learner

@@ -123,7 +123,9 @@ class Trainer:
         """The winner's best result; the probe where that is enough. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
         racing = list(contestants(self.posed.task, self.clock.minutes))
-        self._limit_probe()
+        # no probe may last: a slow environment would use up all time before anything is known of its speed
+        steps, seconds = self.posed.task.budget("probe").steps, _PROBE * 60 * self.clock.minutes
+        self._write("probe", steps, seconds, checkpoints=10, patience=_PATIENCE)
         (best,) = self.train("probe", racing[:1], [FIRST_SEED])
         if best.measurement is None:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
@@ -147,11 +149,6 @@ class Trainer:
     def _done(self, folder: str) -> list[Result]:
         place = self.posed.folder / folder
         return [each for each in stored.read(place) if each.measurement is not None] if place.is_dir() else []
-
-    def _limit_probe(self) -> None:
-        """No probe may last: a slow environment would use up all time before anything is known of its speed."""
-        steps = self.posed.task.budget("probe").steps
-        self._write("probe", steps, _PROBE * 60 * self.clock.minutes, checkpoints=10, patience=_PATIENCE)
 
     def _chosen(self, racing: Sequence[Contestant], probe: Result) -> list[Contestant]:
         """Those that race, as they were chosen before or by `_plan`."""

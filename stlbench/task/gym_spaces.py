@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import prod
 from typing import Any, NamedTuple, TypeAlias, cast
 
@@ -157,16 +158,21 @@ class Observed:
     def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> None:
         """Args: `scale` named entry -> about its largest magnitude. Raises `UsageError`."""
         space = _in_numbers(space)
-        flat = _flat(space)
+        flat = _flattened(space)
+        if flat is None:
+            raise UsageError(f"its observations cannot be written as a fixed number of numbers: {space}")
         self.size, self._type = flat.shape[0], flat.dtype
         self._space, self._plain = space, isinstance(space, Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
         known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2
-        self._names = {place: name for name, place in _named(space, entries).items()}
-        for name, place in _places(space, entries, scale).items():
-            self._middle[place], self._reach[place] = 0.0, scale[name]
+        named = _named(space, entries)
+        self._names = {place: name for name, place in named.items()}
+        for name, magnitude in scale.items():
+            if name not in named:
+                raise UsageError(f"scale: no entry '{name}'{did_you_mean(name, named)}")
+            self._middle[named[name]], self._reach[named[name]] = 0.0, magnitude
 
     def name(self, place: int) -> str:
         """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
@@ -213,30 +219,12 @@ def _flattened(space: Space[Any]) -> Box | None:
     return flat if isinstance(flat, Box) else None
 
 
-def _flat(space: Space[Any]) -> Box:
-    flat = _flattened(space)
-    if flat is None:
-        raise UsageError(f"its observations cannot be written as a fixed number of numbers: {space}")
-    return flat
-
-
-def _places(space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> dict[str, int]:
-    named = _named(space, entries)
-    for name in scale:
-        if name not in named:
-            raise UsageError(f"scale: no entry '{name}'{did_you_mean(name, named)}")
-    return {name: named[name] for name in scale}
-
-
 def _named(space: Space[Any], entries: Entries) -> dict[str, int]:
-    return dict(zip(entries.names, _offsets(space, entries), strict=True))
-
-
-def _offsets(space: Space[Any], entries: Entries) -> list[int]:
+    """The place of each named entry among the numbers of a flat observation."""
     if entries.keys is None or not isinstance(space, Dict):
-        return list(range(len(entries.names)))
-    begin, places = 0, dict[str, list[int]]()
+        return {name: place for place, name in enumerate(entries.names)}
+    begin, places = 0, dict[str, range]()
     for key, part in space.spaces.items():
-        places[key] = list(range(begin, begin + prod(part.shape or ())))
+        places[key] = range(begin, begin + prod(part.shape or ()))
         begin += spaces.flatdim(part)
-    return [place for key in entries.keys for place in places[key]]
+    return dict(zip(entries.names, chain.from_iterable(places[key] for key in entries.keys), strict=True))

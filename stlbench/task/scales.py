@@ -55,7 +55,12 @@ def scale(psi: stl.Formula, box: Box) -> Scale:
 
 def reach(expression: Expression, box: Box) -> float:
     """The largest magnitude of an expression over the box; 1 where it has no finite bound, or is 0 everywhere."""
-    return max(_sides(Predicate(">=", expression, Number(0.0)), tuple(box.items()))) or 1.0
+    return max(_sides(as_margin(expression), tuple(box.items()))) or 1.0
+
+
+def as_margin(expression: Expression) -> Predicate:
+    """A predicate whose margin is the expression."""
+    return Predicate(">=", expression, Number(0.0))
 
 
 @lru_cache(maxsize=1024)

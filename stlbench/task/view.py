@@ -11,7 +11,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, Truth
 from stlbench.stl import Binary, Call, Expression, Formula, Negative, Predicate
 from stlbench.stl.language.structure import walk
-from stlbench.task.scales import Box, reach, scale
+from stlbench.task.scales import Box, as_margin, reach, scale
 from stlbench.task.windows import Window, windows
 
 FEW_GOALS = 6
@@ -54,7 +54,7 @@ class _Columns:
         self._sizes = np.array([size for _, size in pairs])
         self._ranged = np.array([size == self.quantities[place].far for place, size in pairs], dtype=np.bool_)
         self._functions = [
-            stl.margin(each.source if isinstance(each.source, Predicate) else _as_margin(each.source), names)
+            stl.margin(each.source if isinstance(each.source, Predicate) else as_margin(each.source), names)
             for each in self.quantities
         ]
 
@@ -199,11 +199,6 @@ def _arguments(expressions: Iterable[Expression]) -> Iterator[Expression]:
 def _directions(quantities: Sequence[_Quantity]) -> Sequence[_Quantity]:
     """The arguments of norms, else the margins."""
     return [each for each in quantities if not isinstance(each.source, Predicate)] or quantities
-
-
-def _as_margin(expression: Expression) -> Predicate:
-    """A predicate whose margin is the expression."""
-    return Predicate(">=", expression, stl.Number(0.0))
 
 
 def _table(rows: Sequence[Sequence[int]], empty: int) -> Integers:

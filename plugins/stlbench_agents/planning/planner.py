@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class _GridPlanner(CompiledAgent):
     """Backward induction over time on a grid of the state."""
 
+    compiled_part = "planning"
+
     grid: Mapping[str, AxisRecipe] = field(default_factory=dict)
     """the axis of each column of the state; of one that is a signal too, its range where left out"""
     resolution: Positive = 1.0
@@ -43,10 +45,6 @@ class _GridPlanner(CompiledAgent):
         from stlbench_agents.planning.moves import prepare  # imports Numba
 
         return prepare(model, self.grid, self.resolution, self.actions)
-
-    @property
-    def compiled_part(self) -> str:
-        return "planning"
 
     def compile(self) -> None:
         from stlbench_agents.planning.loops import compile_all

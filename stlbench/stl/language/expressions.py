@@ -21,10 +21,6 @@ class Level(IntEnum):
 BINARY_LEVELS = {"+": Level.SUM, "-": Level.SUM, "*": Level.PRODUCT, "/": Level.PRODUCT, "**": Level.POWER}
 COMPARISONS = ("<=", ">=", "<", ">")
 OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "xor": "xor", "implies": "->", "iff": "<->"}
-#: temporal operators before their operand, and between two
-PREFIX_WORDS = {"G": "G", "always": "G", "F": "F", "eventually": "F"}
-PREFIX_WORDS |= {"H": "H", "historically": "H", "O": "O", "once": "O"}
-INFIX_WORDS = {"U": "U", "until": "U", "R": "R", "release": "R", "W": "W", "weak_until": "W", "S": "S", "since": "S"}
 #: words that cannot name a signal; all other words of operators, and their letters, can
 RESERVED = frozenset(
     {*FUNCTIONS, *OPERATOR_WORDS, "always", "eventually", "until", "True", "true", "False", "false", "pi"}

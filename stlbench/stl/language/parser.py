@@ -14,9 +14,7 @@ from stlbench.stl.errors import FormulaLimitError
 from stlbench.stl.language.expressions import (
     BINARY_LEVELS,
     COMPARISONS,
-    INFIX_WORDS,
     MAX_DEPTH,
-    PREFIX_WORDS,
     RESERVED,
     Binary,
     Call,
@@ -44,6 +42,7 @@ from stlbench.stl.language.syntax import (
 )
 from stlbench.stl.language.tokens import Token, TokenStream
 
+_WEAK = ("W", "weak_until")
 _LEVELS = {
     "<->": Level.IFF,
     "->": Level.IMPLIES,
@@ -120,14 +119,14 @@ class _Parser(TokenStream):
 
     def infix_level(self) -> int:
         token = self.token
-        if token.kind == "name" and token.text in INFIX_WORDS:
+        if token.kind == "name" and (token.text in BETWEEN or token.text in _WEAK):
             return Level.UNTIL
         return _LEVELS.get(token.symbol, 0)
 
     def at_prefix_word(self, minimum: int) -> bool:
         """Whether a formula is due and the next token is an operator such as G, not a signal of that name."""
         token, second = self.token, self.second
-        if token.kind != "name" or token.text not in PREFIX_WORDS or minimum > Level.PREFIX:
+        if token.kind != "name" or token.text not in WINDOWS or minimum > Level.PREFIX:
             return False
         return token.text in RESERVED or second.symbol in ("[", "(", "!") or second.kind in ("name", "number")
 
@@ -160,7 +159,7 @@ class _Parser(TokenStream):
     def temporal(self) -> Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        kind = WINDOWS[PREFIX_WORDS[token.text]]
+        kind = WINDOWS[token.text]
         return kind(a, b, self.operand(Level.PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:
@@ -206,7 +205,7 @@ class _Parser(TokenStream):
         token = self.take()
         a, b = self.interval_or_end()
         right = self.operand(Level.UNTIL)
-        if kind := BETWEEN.get(INFIX_WORDS[token.text]):
+        if kind := BETWEEN.get(token.text):
             return kind(a, b, left, right, position=token.position)
         return weak_until(a, b, left, right, token.position)
 

@@ -224,9 +224,13 @@ class Since(Between):
 Temporal: TypeAlias = Window | Between
 Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Temporal
 AnyNode: TypeAlias = Expression | Formula
-#: the temporal operators, by letter
-WINDOWS: dict[str, type[Window]] = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
-BETWEEN: dict[str, type[Between]] = {kind.letter: kind for kind in (Until, Release, Since)}
+#: the temporal operators before their operand, and between two, by letter and by name: G, always
+WINDOWS: dict[str, type[Window]] = {
+    word: kind for kind in (Always, Eventually, Historically, Once) for word in (kind.letter, kind.__name__.lower())
+}
+BETWEEN: dict[str, type[Between]] = {
+    word: kind for kind in (Until, Release, Since) for word in (kind.letter, kind.__name__.lower())
+}
 
 
 def iff(left: Formula, right: Formula, position: Position | None = None) -> Formula:

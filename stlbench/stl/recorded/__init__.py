@@ -85,14 +85,12 @@ def satisfied_trace(formula: Formula, trace: ArrayLike, names: Sequence[str], po
 
 def robustness_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
     """Bounds (...,) of the robustness at t = 0 over all continuations of the trace; else as `robustness`."""
-    lower, upper = _evaluate("margin", formula, trace, names, "interval", full=False)
-    return RobustnessBounds(lower, upper)
+    return RobustnessBounds(*_evaluate("margin", formula, trace, names, "interval", full=False))
 
 
 def robustness_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
     """The bounds at every t of the trace, (..., T+1)."""
-    lower, upper = _evaluate("margin", formula, trace, names, "interval", full=True)
-    return RobustnessBounds(lower, upper)
+    return RobustnessBounds(*_evaluate("margin", formula, trace, names, "interval", full=True))
 
 
 def satisfaction_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
