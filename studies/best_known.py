@@ -24,7 +24,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import ActionGrid, Actions, Array, Environment, Integers, StatePolicy, Training
 from stlbench.records.result import Score
-from stlbench.rollout import baselines, referee
+from stlbench.rollout import baselines, controller, referee
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.environment import Simulator
@@ -58,12 +58,14 @@ def kept(task: Task) -> Array | None:
 
 def _traces(task: Task, begun: Array, sequences: Array) -> Array:
     """Those (N, T + 1, k) that the sequences (N, decisions, axes) lead to."""
+    return controller.replay(task, taken(task, sequences), begun).traces
 
-    def act(simulator: Simulator) -> Integers | Array:
-        vectors: Array = sequences[:, int(simulator.t[0]) // simulator.hold]
-        return nearest(task.actions, vectors) if isinstance(task.actions, ActionGrid) else vectors
 
-    return referee.simulate(task, Unpaid(task.specification), act, begun).traces
+def taken(task: Task, vectors: Array) -> Integers | Array:
+    """Actions (..., axes) as the task takes them: on a grid the places (...) of the nearest ones."""
+    if not isinstance(task.actions, ActionGrid):
+        return vectors
+    return nearest(task.actions, vectors.reshape(-1, vectors.shape[-1])).reshape(vectors.shape[:-1])
 
 
 def _robustness(task: Task, begun: Array, sequences: Array) -> Array:
@@ -136,14 +138,14 @@ def _no_environment(count: int) -> Environment:
 
 def _recorded(task: Task, begun: Array, act: Callable[[Simulator], Array]) -> Array:
     """The held actions (N, decisions, axes) of what acts."""
-    taken = list[Array]()
+    acted = list[Array]()
 
     def recording(simulator: Simulator) -> Integers | Array:
-        taken.append(np.clip(act(simulator), task.actions.low, task.actions.high))
-        return nearest(task.actions, taken[-1]) if isinstance(task.actions, ActionGrid) else taken[-1]
+        acted.append(np.clip(act(simulator), task.actions.low, task.actions.high))
+        return taken(task, acted[-1])
 
     referee.simulate(task, Unpaid(task.specification), recording, begun)
-    return np.stack(taken, axis=1)
+    return np.stack(acted, axis=1)
 
 
 def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int = 0) -> Array:

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from best_known import replay, search
+from best_known import replay, search, taken
 from suite_bounds import upper_bound
 from suite_drives import witness
 
@@ -34,7 +34,6 @@ import stlbench_tasks.suite
 from stlbench.contract import ActionGrid, Array
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
-from stlbench.rollout.controller import nearest
 from stlbench.task import Task
 from stlbench.task.reading import read_task_file
 from stlbench_tasks.suite.formulas import Candidate, fits, level
@@ -70,7 +69,6 @@ def judged(candidate: Candidate, others: list[tuple[str, str]], seconds: float) 
     score = replay(task, actions)
     if score.satisfaction < 1:
         return "unknown"
-    assert isinstance(task.actions, ActionGrid)
     scores = {"zero": constants.zero, "constant": constants.best, "random": random}
     rows: dict[str, Any] = {
         name: {"robustness": round(each.mean, 5), "satisfied": each.satisfaction} for name, each in scores.items()
@@ -78,7 +76,7 @@ def judged(candidate: Candidate, others: list[tuple[str, str]], seconds: float) 
     rows["constant"]["action"] = list(constants.action)
     bound = upper_bound(task, SYSTEMS[candidate.system])
     row = {"candidate": candidate.number, "robustness": round(score.mean, 5), "upper_bound": round(bound, 5)}
-    return {**row, "baselines": rows}, _indices(task.actions, actions)
+    return {**row, "baselines": rows}, _indices(task, actions)
 
 
 def main() -> None:
@@ -131,14 +129,14 @@ def search_on(parts: list[str], seconds: float, table: dict[str, Any], stored: d
         found = search(task, task.starts.report_and_selection()[0], vectors[stored[name]], seconds)
         score = replay(task, found).mean
         print(f"{name}: {row['robustness']:.5f} -> {score:.5f}, bound {row['upper_bound']:.5f}", flush=True)
-        stored[name] = _indices(task.actions, found)
+        stored[name] = _indices(task, found)
         row["robustness"] = round(score, 5)
 
 
-def _indices(actions: ActionGrid, sequences: Array) -> Array:
+def _indices(task: Task, sequences: Array) -> Array:
     """The actions (starts, decisions, axes) of the grid, as places in it."""
-    places = nearest(actions, sequences.reshape(-1, sequences.shape[-1])).reshape(sequences.shape[:2])
-    return places.astype(np.min_scalar_type(actions.size - 1))
+    assert isinstance(task.actions, ActionGrid)
+    return taken(task, sequences).astype(np.min_scalar_type(task.actions.size - 1))
 
 
 def fill(

@@ -6,11 +6,10 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from best_known import _recorded, _robustness, search
+from best_known import _recorded, _robustness, search, taken
 from scipy import linalg
 
 from stlbench.contract import ActionGrid, Array
-from stlbench.rollout.controller import nearest
 from stlbench.rollout.environment import Simulator
 from stlbench.task import Task
 from stlbench_tasks.steering import Steering
@@ -148,9 +147,4 @@ def witness(task: Task, scene: Scene, seconds: float) -> Array:
     if robustness.min() < -0.3:  # hopeless
         return best
     assert isinstance(task.actions, ActionGrid)
-    return search(
-        task,
-        begun,
-        task.actions.vectors[nearest(task.actions, best.reshape(-1, best.shape[-1]))].reshape(best.shape),
-        seconds,
-    )
+    return search(task, begun, task.actions.vectors[taken(task, best)], seconds)

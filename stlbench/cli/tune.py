@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -14,13 +14,13 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import Result
-from stlbench.report import Column, Table, to_csv, to_screen
+from stlbench.report import Column, Table, Value, to_csv, to_screen
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress, Tally
 from stlbench.study.run import build_executor, run_cells
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe, write_recipes
-from stlbench.study.tuning import Entrant, entrants, search
+from stlbench.study.tuning import Entrant, Trial, entrants, search
 
 _DEFAULTS = {"seeds": "100-101", "results": "results/tuning"}
 
@@ -102,29 +102,21 @@ def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:
 
 
 def _table(searched: Sequence[Entrant]) -> Table:
-    tuned = list(dict.fromkeys(name for entrant in searched for name in entrant.space))
-    columns = (
-        Column("task", right=False, shared=True),
-        Column("agent", right=False, shared=True),
-        Column("method", right=False),
-        Column("trial"),
-        *(Column(name) for name in tuned),
-        Column("status", right=False, shared=True),
-        Column("satisfaction", digits=3),
-        Column("robustness", digits=3),
-        Column("chosen", right=False),
-    )
-    rows = tuple(
-        (
-            *(str(entrant.task), str(entrant.agent), str(entrant.method), number),
-            *(trial.values.get(name) for name in tuned),
-            *(trial.status, trial.satisfaction, trial.robustness, "yes" if trial is entrant.best else None),
-        )
-        for entrant in searched
-        for number, trial in enumerate(entrant.trials)
-    )
-    notes = (
+    tuned = dict.fromkeys(name for entrant in searched for name in entrant.space)
+    columns: dict[Column, Callable[[tuple[Entrant, int, Trial]], Value]] = {
+        Column("task", right=False, shared=True): lambda row: str(row[0].task),
+        Column("agent", right=False, shared=True): lambda row: str(row[0].agent),
+        Column("method", right=False): lambda row: str(row[0].method),
+        Column("trial"): lambda row: row[1],
+        **{Column(name): lambda row, name=name: row[2].values.get(name) for name in tuned},  # type: ignore[misc]
+        Column("status", right=False, shared=True): lambda row: row[2].status,
+        Column("satisfaction", digits=3): lambda row: row[2].satisfaction,
+        Column("robustness", digits=3): lambda row: row[2].robustness,
+        Column("chosen", right=False): lambda row: "yes" if row[2] is row[0].best else None,
+    }
+    rows = ((entrant, number, trial) for entrant in searched for number, trial in enumerate(entrant.trials))
+    note = (
         "Satisfaction and robustness from the starts that are kept for selection, mean over the seeds. The first trial "
-        "is the recipe that all methods share.",
+        "is the recipe that all methods share."
     )
-    return Table("Trials", columns, rows, notes)
+    return Table.of("Trials", rows, columns, (note,))
