@@ -34,7 +34,7 @@ def _beside(
         times = [f"{_training(own, of):.0f} s" for own, of in zip(settings, cells, strict=True)]
         body.append([f"`{task}`", *(_counts(row) for pair in pairs for row in pair), *times])
     columns = [f"`{method}` {how}" for method in methods for how in ("by rules", "by hand")]
-    return markdown(["task", *columns, "CPU by rules", "CPU by hand"], body, right=0)
+    return markdown(["task", *columns, "CPU by rules", "CPU by hand"], body)
 
 
 def _counts(row: Row | None) -> str:
@@ -46,7 +46,7 @@ def _counts(row: Row | None) -> str:
 
 def _training(settings: Iterable[Row | None], cells: Sequence[Row]) -> float:
     """The mean CPU seconds of training of the cells that belong to the settings."""
-    own = [cell for setting in settings if setting for cell in of_setting(cells, setting) if cell["status"] == "done"]
+    own = [cell for setting in settings if setting for cell in of_setting(cells, setting)]
     return sum(float(cell["training_cpu_seconds"]) for cell in own) / len(own)
 
 
@@ -59,7 +59,7 @@ def field() -> str:
         [f"`{task}`", f"`{agent}`", *(entry(found.get((task, agent, method)), 5, interval=False) for method in methods)]
         for task, agent in keys
     ]
-    return markdown(["task", "agent", *(f"`{method}`" for method in methods)], body, right=0)
+    return markdown(["task", "agent", *(f"`{method}`" for method in methods)], body)
 
 
 def either_or() -> str:
@@ -71,7 +71,7 @@ def either_or() -> str:
         [f"`{method}`", *(entry(found.get((method, agent)), 5, interval=False) for agent in agents)]
         for method in methods
     ]
-    return markdown(["method", *(f"`{agent}`" for agent in agents)], body, right=0)
+    return markdown(["method", *(f"`{agent}`" for agent in agents)], body)
 
 
 def _last(row: Row) -> float:

@@ -89,19 +89,19 @@ def tracks() -> str:
         [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method))) for track in found)]
         for task, method in keys
     ]
-    return markdown(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
+    return markdown(["task", "method", *(f"`{track}`" for track in found)], body)
 
 
 def parts() -> str:
     """One row per task and method: what is learned with the whole recipe, and without each of its parts."""
-    return markdown(["task", "method", "whole", *(f"`{part}`" for part in ablation.PARTS)], ablation.lines(), right=0)
+    return markdown(["task", "method", "whole", *(f"`{part}`" for part in ablation.PARTS)], ablation.lines())
 
 
 def overlap_ends() -> str:
     """One row per method: what is learned on `overlap`, beside what was with early ends of episodes."""
     now, before = learned_by("shared"), recorded.table("overlap-ends", "robustness")
     body = [[f"`{row['method']}`", entry(now["overlap", row["method"]]), entry(row)] for row in before]
-    return markdown(["method", "the recipe, without ends", "with ends"], body, right=0)
+    return markdown(["method", "the recipe, without ends", "with ends"], body)
 
 
 def verdicts() -> str:
@@ -113,7 +113,7 @@ def verdicts() -> str:
     }
     assert {said[task, "flag", rival] for task, *_ in said for rival in ("funnel", "raw")} == {"worse"}
     body = [[f"`{task}`", said[task, "funnel", "raw"]] for task in dict.fromkeys(task for task, *_ in said)]
-    return markdown(["task", "`funnel` against `raw`"], body, right=0)
+    return markdown(["task", "`funnel` against `raw`"], body)
 
 
 def across() -> str:
@@ -123,7 +123,7 @@ def across() -> str:
         [f"`{row['method']}`", row["fits"], *(estimate(row, name, digits) for name, digits in _ESTIMATES)]
         for row in found
     ]
-    return markdown(["method", "fits", "IQM", "mean", "rank"], body, right=0)
+    return markdown(["method", "fits", "IQM", "mean", "rank"], body)
 
 
 _ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
@@ -158,7 +158,7 @@ def measures() -> str:
             said = papers if sampling == "0.1 s" else ("", "")
             body.append([text, sampling, said[0], shown["funnel"], said[1], shown["flag"], shown["raw"]])
     header = ["measure", "sampling", "paper, funnel", "`funnel`", "paper, flag", "`flag`", "`raw`"]
-    return markdown(header, body, right=0)
+    return markdown(header, body)
 
 
 def cost() -> str:

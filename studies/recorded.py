@@ -89,7 +89,7 @@ def estimate(row: Row, name: str, digits: int) -> str:
     return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
 
 
-def markdown(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 1) -> str:
+def markdown(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 0) -> str:
     """A table; `right` columns after the first are aligned to the right."""
     rule = ["---", *["--:"] * right, *["---"] * (len(header) - 1 - right)]
     return "\n".join(f"| {' | '.join(line)} |" for line in (header, rule, *body))

@@ -22,6 +22,9 @@ from stlbench.study.fitting import fit
 from stlbench.study.plugin_guard import ask
 from stlbench.task.task import Task
 
+_AS_STATED = ("title", "source", "steps", "sampling_time", "hold", "starts", "robots", "agents")
+"""What the facts have as the task file states it."""
+
 
 def task_facts(task: Task, track: Track) -> dict[str, Any]:
     """All that `stlbench show task` says of a task on a track, as JSON values. Intervals of formulas are in steps."""
@@ -32,16 +35,11 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
     controller, constants, random = map(answered.get, questions)
     actions = _dumped(file.actions) or {axis.name: axis.ends for axis in task.source.axes}
     return {
-        "title": file.title,
-        "source": file.source,
+        **{name: getattr(file, name) for name in _AS_STATED},
         "notes": " ".join(file.notes.split()),
         "formula": str(task.formula),
         "rewarded": None if file.rewarded is None else str(file.rewarded),
         "horizon": stl.horizon(task.formula),
-        "steps": file.steps,
-        "sampling_time": file.sampling_time,
-        "hold": file.hold,
-        "starts": file.starts,
         # a policy's view: "engineered" or "state" of a system, "observation" of anything else, "formula" of both
         "features": file.features if system or task.view else "observation",
         "environment": None if file.environment is None else file.environment.id,
@@ -52,7 +50,6 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
         "signals": _dumped(file.signals),
         "terms": _terms(task),
         "actions": actions,
-        "robots": file.robots,
         "training": file.training.model_dump(exclude_none=True),
         "budgets": _dumped(file.budgets),
         "protocols": {
@@ -60,7 +57,6 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
             for key, each in file.protocols.items()
         },
         "own_agent": task.own_agent,
-        "agents": file.agents,
         "methods": _methods(task),
         "equal_rewards": [
             dict(vars(difference)) for difference in differences(task.choice, plugins.available("methods"), ask, track)

@@ -161,8 +161,7 @@ class Trainer:
         Raises:
             UsageError: the process ended, or loaded a module of the other tree.
         """
-        request = {name: value if isinstance(value, int) else str(value) for name, value in vars(cell).items()}
-        answer = self._answer(json.dumps(request))
+        answer = self._answer(json.dumps(cell.plain))
         status, reason = answer.pop("status"), one_line(answer.pop("reason"))
         foreign = [file for file in answer.pop("files", ()) if self.other.holds(file)]
         if foreign:

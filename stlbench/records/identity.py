@@ -73,6 +73,12 @@ class CellId:
         return _joined(self.task, self.method, self.agent, self.seed, track=self.track)
 
     @property
+    def plain(self) -> dict[str, str | int]:
+        """The parts by name, as JSON and tables have them."""
+        values = {name: getattr(self, name) for name in IDENTITY}
+        return {name: value if isinstance(value, int) else str(value) for name, value in values.items()}
+
+    @property
     def setting(self) -> Setting:
         """All but the seed."""
         return Setting(self.task, self.method, self.agent, self.budget, self.track)

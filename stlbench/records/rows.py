@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self, cast, get_args
 
 from stlbench.records.columns import numbers
-from stlbench.records.identity import IDENTITY, CellId, Track
+from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.records.status import Status
@@ -58,7 +58,7 @@ def values(result: Result, folder: Path, failures: int) -> dict[str, str | int |
     columns = numbers(measured) if measured else {}
     return {
         "key": result.key,
-        **dict(zip(IDENTITY, texts(result.id), strict=True)),
+        **result.id.plain,
         "status": result.status,
         "reason": result.reason,
         **{name: columns.get(name) for name in _NUMBERS},

@@ -20,7 +20,7 @@ from stlbench.report.tables.comparisons import Comparison, advice, compare, comp
 from stlbench.report.tables.controllers import Known, best_known, controllers_table
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.tables.robustness import overview, robustness_table
-from stlbench.report.tables.rows import Group, Row, group, missing_row, outside, row, split, trained
+from stlbench.report.tables.rows import Group, Row, group, missing_row, row, split, trained
 from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import Column, Table, Value, Width, show
 
@@ -95,9 +95,8 @@ class Report:
 
     @cached_property
     def robustness(self) -> Table:
-        untrained = [
-            each for each in outside(self._recorded) if each.setting.task in self._tasks or each in self.groups
-        ]
+        outside = (group for group in self._recorded if group.outside)
+        untrained = [each for each in outside if each.setting.task in self._tasks or each in self.groups]
         return robustness_table(self.learned, self._known, untrained)
 
     @cached_property

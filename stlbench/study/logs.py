@@ -60,10 +60,6 @@ def logged(result: Result) -> LoggedCell:
     return LoggedCell(name, result.id.budget, result.status, "", logged_numbers, tuple(curve))
 
 
-def _checkpoint(log: RunLog, point: LoggedCheckpoint) -> None:
-    log.checkpoint(point)
-
-
 class _Thread:
     """One log, in a thread. A call that hangs keeps nothing but this thread, which ends with the process."""
 
@@ -153,7 +149,7 @@ class Logged:
         for steps, satisfaction, robustness in curve:
             if steps > seen:
                 point = LoggedCheckpoint(name, steps, satisfaction, robustness)
-                self._tell(partial(_checkpoint, point=point))
+                self._tell(lambda log, point=point: log.checkpoint(point))  # type: ignore[misc]
                 self._seen[name, budget] = steps
 
     def _tell(self, call: Callable[[RunLog], None]) -> None:

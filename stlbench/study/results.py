@@ -192,10 +192,5 @@ class Results:
 def _table(rows: Iterable[tuple[CellId, Mapping[str, Any]]], columns: tuple[str, ...]) -> pd.DataFrame:
     import pandas as pd
 
-    records = [{**_identity(cell), **row} for cell, row in rows]
+    records = [{**cell.plain, **row} for cell, row in rows]
     return pd.DataFrame(records, columns=[*IDENTITY, *columns])
-
-
-def _identity(cell: CellId) -> dict[str, str | int]:
-    values = {name: getattr(cell, name) for name in IDENTITY}
-    return {name: value if isinstance(value, int) else str(value) for name, value in values.items()}

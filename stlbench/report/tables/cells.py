@@ -25,9 +25,7 @@ CELL: Mapping[Column, Callable[[Row], Value]] = {
 }
 """The columns that say which cell a row is, and how it ended."""
 _IDENTITY: Mapping[Column, Callable[[Row], Value]] = {
-    Column(name, right=name == "seed"): lambda row, name=name: (  # type: ignore[misc]
-        part if isinstance(part := getattr(row.id, name), int) else str(part)
-    )
+    Column(name, right=name == "seed"): lambda row, name=name: row.id.plain[name]  # type: ignore[misc]
     for name in IDENTITY
 }
 
@@ -53,12 +51,10 @@ def cells_table(rows: Iterable[Row], groups: Mapping[str, Mapping[str, str]] | N
         of_numbers[Column("maximised")] = lambda each: each.planned.maximised if each.planned else None
         of_numbers[Column("grid_value")] = lambda each: each.planned.value if each.planned else None
     of_cell = {column: value for column, value in CELL.items() if column.title in ("status", "reason")}
-    drawn = {Column(kind, right=False): _group(of_tasks, kind) for kind in kinds}
+    drawn = {
+        Column(kind, right=False): lambda row, kind=kind: of_tasks.get(row.id.task.name, {}).get(kind) for kind in kinds
+    }
     return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **if_done(of_numbers)})
-
-
-def _group(groups: Mapping[str, Mapping[str, str]], kind: str) -> Callable[[Row], Value]:
-    return lambda row: groups.get(row.id.task.name, {}).get(kind)
 
 
 def if_done(columns: Mapping[Column, Callable[[Numbers], Value]]) -> dict[Column, Callable[[Row], Value]]:

@@ -172,10 +172,6 @@ def group(rows: Iterable[Row]) -> tuple[Group, ...]:
     )
 
 
-def outside(groups: Iterable[Group]) -> tuple[Group, ...]:
-    return tuple(group for group in groups if group.outside)
-
-
 def trained(groups: Iterable[Group]) -> tuple[Group, ...]:
     return tuple(group for group in groups if not group.outside)
 

@@ -31,7 +31,7 @@ def model_card(result: Result) -> str:
     score, cell, policies = reported(measured.selected), result.id, measured.policies
     words = {
         "cell": cell.name,
-        **{name: getattr(cell, name) for name in ("task", "method", "agent", "seed", "budget", "track")},
+        **cell.plain,
         "key": result.key,
         "digest": policies.selected,
         "file": cell_files(Path(), cell, result.key).policies,
