@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
+from stlbench.contract import ActionGrid, Actions, Array, Cost, Environment, Integers, Policy, Transition
 from stlbench_agents.lock_step import Counterfactuals, LockStepAgent, LockStepLearner
 from stlbench_agents.recipes import DeepQ, Head, Positive, ShareBelow1, Whole
 from stlbench_agents.training import cost_of, grid_of
@@ -59,15 +59,9 @@ class DQN(DeepQ, LockStepAgent):
     def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
         return _Trainee(self, environment, seed, rounds)
 
-    @classmethod
-    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
-
-        return GreedyPolicy.of(arrays, grid_of(actions).shape)
-
     def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
         """A learner with fresh networks, for `copies` transitions a step and so many updates in all."""
-        from stlbench_agents.q_learner import QLearner
+        from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
         return QLearner(self, environment.observation_size, copies, grid_of(environment.actions), seed, updates)
 

@@ -10,7 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from stlbench.contract import Agent
+from stlbench.contract import Actions, Agent, Arrays, Policy
+from stlbench_agents.training import grid_of
 
 Share = Annotated[float, Field(ge=0, le=1)]
 ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
@@ -75,3 +76,9 @@ class DeepQ(OffPolicy):
     """over this share of the budget"""
     max_grad_norm: Positive = 10.0
     """the gradient's norm is clipped to this"""
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
+
+        return GreedyPolicy.of(arrays, grid_of(actions).shape)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from stlbench.contract import Actions, Arrays, Environment, Policy
+from stlbench.contract import Environment, Policy
 from stlbench_agents.policies import linear_layers
 from stlbench_agents.recipes import Count, DeepQ, Whole
 from stlbench_agents.sb3_agent import SB3OffPolicy
@@ -33,18 +33,12 @@ class SB3DQN(DeepQ, SB3OffPolicy):
     target_update_interval: Count = 1
     """transitions from one update of the target to the next, at least one step of all copies"""
 
-    @classmethod
-    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
-
-        return GreedyPolicy.of(arrays, grid_of(actions).shape)
-
     def options(self, environment: Environment) -> dict[str, Any]:
         rounded_up = max(self.target_update_interval, self.copies)  # SB3 does so too, but with a warning
         return super().options(environment) | {"target_update_interval": rounded_up}
 
     def exported(self, model: DQN, environment: Environment) -> Policy:
-        from stlbench_agents.q_learner import GreedyPolicy, QNetwork  # as above
+        from stlbench_agents.q_learner import GreedyPolicy, QNetwork  # imports Numba, which parameters do not need
 
         *hidden, (matrix, bias) = linear_layers(model.q_net.q_net)
         size, grid = environment.observation_size, grid_of(environment.actions).shape

@@ -21,7 +21,6 @@ class Verdicts(NamedTuple):
 
     robustness: Array  # (n, 2): the least and the greatest over all continuations
     satisfied: Truth  # (n, 2): whether all continuations satisfy, and whether some do
-    early: Truth  # (n,): which ended early, and are not taken as if their last sample stayed
 
 
 def judge(formula: stl.Formula, traces: Array, specification: Specification, terminated: EarlyEnd) -> Verdicts:
@@ -40,7 +39,7 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
     robustness[~early] = stl.robustness(formula, complete, names)[:, None]
     satisfied[~early] = stl.satisfied(formula, complete, names)[:, None]
     if not early.any():
-        return Verdicts(robustness, satisfied, early)
+        return Verdicts(robustness, satisfied)
     least, greatest = value_range(formula, specification.range)
     rows = np.flatnonzero(early)
     t = last_steps(traces[rows])
@@ -53,7 +52,7 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
         satisfied[alike] = np.stack(stl.satisfaction_bounds(formula, known, names), axis=-1)
         if terminated == "violated":
             robustness[alike], satisfied[alike] = np.minimum(high, min(least, 0.0))[:, None], False
-    return Verdicts(robustness, satisfied, early)
+    return Verdicts(robustness, satisfied)
 
 
 def last_steps(traces: Array) -> Integers:

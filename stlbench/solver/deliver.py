@@ -114,9 +114,8 @@ class Delivery:
         return found
 
     def _policy(self) -> None:
-        cells = self.cells
-        npz.write(self.folder / "policy.npz", read(cells, self.best, "selected"))
-        export(cells, self.best, "selected", self.folder / "policy.onnx")
+        npz.write(self.folder / "policy.npz", read(self.cells, self.best, "selected"))
+        export(self.cells, self.best, "selected", self.folder / "policy.onnx")
 
     def _page(self) -> None:
         """The page, or without its package the tables and figures as files."""

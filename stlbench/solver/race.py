@@ -129,7 +129,8 @@ class Trainer:
         (best,) = self.train("probe", racing[:1], [FIRST_SEED])
         if best.measurement is None:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
-        racing = self._chosen(racing, best)
+        known = self.posed.state["methods"]  # of a race that was stopped
+        racing = racing[: self._plan(racing, best) if known is None else len(known)]
         rung = 1
         while len(racing) > 1 and rank(best)[0] < 1 and self._left:
             names = ", ".join(
@@ -150,14 +151,8 @@ class Trainer:
         place = self.posed.folder / folder
         return [each for each in stored.read(place) if each.measurement is not None] if place.is_dir() else []
 
-    def _chosen(self, racing: Sequence[Contestant], probe: Result) -> list[Contestant]:
-        """Those that race, as they were chosen before or by `_plan`."""
-        known = self.posed.state["methods"]
-        count = len(self._plan(racing, probe)) if known is None else len(known)
-        return list(racing[:count])
-
-    def _plan(self, racing: Sequence[Contestant], probe: Result) -> list[str]:
-        """Choose as many contestants as the time lets learn, and write the budgets of the rungs.
+    def _plan(self, racing: Sequence[Contestant], probe: Result) -> int:
+        """How many contestants, the first of them, the time lets learn; write them, and the budgets of the rungs.
 
         Raises `UsageError` where it is too short even for one.
         """
@@ -181,9 +176,8 @@ class Trainer:
                     self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints, _PATIENCE)
                 break
             count -= 1
-        methods = [str(contestant.method) for contestant in racing[:count]]
-        self.posed.remember(methods=methods)
-        return methods
+        self.posed.remember(methods=[contestant.method for contestant in racing[:count]])
+        return count
 
     def _training(self, seconds: float, apart: float) -> tuple[int, float]:
         """For a cell of so many seconds: its checkpoints, and the seconds of its training."""
