@@ -12,7 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
-from stlbench.stl.language.structure import value_range
+from stlbench.stl.recorded.ranges import value_range
 from stlbench.task.file import EarlyEnd
 
 

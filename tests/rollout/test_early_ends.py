@@ -18,7 +18,7 @@ from stlbench.records.result import MAIN, RANDOM
 from stlbench.rollout.early_ends import EarlyEnds, judge, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
-from stlbench.stl.language.structure import value_range
+from stlbench.stl.recorded.ranges import value_range
 
 
 @pytest.mark.parametrize(

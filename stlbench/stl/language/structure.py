@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -21,7 +20,6 @@ from stlbench.stl.language.syntax import (
     Not,
     Or,
     Predicate,
-    Release,
     Since,
     Temporal,
     TrueFormula,
@@ -103,37 +101,6 @@ def pointwise_parts(formula: Formula) -> Iterator[Formula]:
         return
     for operand in operands_of(formula):
         yield from pointwise_parts(operand)
-
-
-def value_range(formula: Formula, of: Callable[[Predicate], tuple[float, float]]) -> tuple[float, float]:
-    """Sound bounds of the robustness over all traces on which the margin of each predicate is within its bounds `of`.
-
-    A past operator whose interval can lie before step 0 has infinity as one of them.
-    """
-    match formula:
-        case Predicate():
-            return of(formula)
-        case Connective():
-            ranges = (_signed_range(value_range(arg, of), negated) for arg, negated in formula.signed)
-            lows, highs = zip(*ranges, strict=True)
-            pick = min if formula.least else max
-            return pick(lows), pick(highs)
-        case Window(a, _, arg):
-            low, high = value_range(arg, of)
-            if formula.past and a > 0:
-                return (low, math.inf) if formula.least else (-math.inf, high)
-            return low, high
-        case Between(a, _, left, right):
-            guard, goal = value_range(left, of), value_range(right, of)
-            if isinstance(formula, Release):
-                return goal[0], max(goal[1], guard[1])
-            return (-math.inf if formula.past and a > 0 else min(goal[0], guard[0])), goal[1]
-        case _:
-            return math.inf, math.inf
-
-
-def _signed_range(ends: tuple[float, float], negated: bool) -> tuple[float, float]:
-    return (-ends[1], -ends[0]) if negated else ends
 
 
 # ---------------------------------------------------------------------------------------------------- how far it looks

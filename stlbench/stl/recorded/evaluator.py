@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from stlbench.arithmetic.windows import Values, slide, until
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, value_range, walk
+from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
 from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Release, Window
 from stlbench.stl.predicates import compile_arrays
 from stlbench.stl.predicates.writer import Reading
+from stlbench.stl.recorded.ranges import unknown
 
 #: how a trace that ends before the horizon is read; "interval": its end is unknown, and values are bounds
 End: TypeAlias = Literal["strict", "clip", "interval"]
@@ -106,17 +107,6 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
             return f"signal {shorten(name)!r} is NaN"
     shown = shorten(", ".join(f"{name} = {value:g}" for name, value in values.items()))
     return f"{shorten(str(psi))} has no value (square root below 0, division by 0 or inf - inf) where {shown}"
-
-
-@lru_cache(maxsize=512)
-def unknown(psi: Formula, names: tuple[str, ...], reading: Reading, worst: bool) -> float:
-    """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
-
-    def bounds(predicate: Predicate) -> tuple[float, float]:
-        constant = compile_arrays(predicate, names, reading)
-        return (-math.inf, math.inf) if callable(constant) else (float(constant), float(constant))
-
-    return value_range(psi, bounds)[0 if worst else 1]
 
 
 def _negated(arg: Evaluator) -> Evaluator:
