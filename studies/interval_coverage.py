@@ -44,25 +44,8 @@ FAMILIES: dict[str, Draw] = {
 """Name -> how robustness of seeds is drawn."""
 
 
-def iqm(values: Array, axis: int = -1) -> Array:
-    """Interquartile means along an axis."""
-    means: Array = stats.trim_mean(values, 0.25, axis)
-    return means
-
-
-def trimmed_t(sample: list[float]) -> tuple[float, float]:
-    """Student's t interval of the IQM (Tukey and McLaughlin 1963), which the report had before."""
-    data, cut = np.sort(sample), len(sample) // 4
-    inner = data[cut : len(data) - cut]
-    squares = np.clip(data, inner[0], inner[-1]).var(ddof=1)
-    error = np.sqrt((len(data) - 1) * squares / (len(inner) * (len(inner) - 1)))
-    half = float(error * stats.t.ppf(0.975, len(inner) - 1))
-    return inner.mean() - half, inner.mean() + half
-
-
 INTERVALS: dict[str, tuple[Callable[..., Array], Callable[[list[float]], tuple[float, float] | None]]] = {
     "median, from seed to seed (the report's)": (np.median, median_interval),
-    "IQM, t (before)": (iqm, trimmed_t),
     "mean, t": (np.mean, mean_interval),
 }
 """Name -> the statistic, and the interval of a sample."""
@@ -83,7 +66,7 @@ def aggregate_coverage(family: str, seeds: int, repetitions: int) -> float:
     levels = np.linspace(0, 0.5, TASKS)[:, None]
     covered = 0
     many = FAMILIES[family](generator, (TASKS, 200_000)) + levels
-    true = float(iqm(many.ravel()))
+    true = float(stats.trim_mean(many.ravel(), 0.25))
     for _ in range(repetitions):
         ends = across.middle(list(FAMILIES[family](generator, (TASKS, seeds)) + levels)).interval
         covered += ends is not None and ends.low <= true <= ends.high

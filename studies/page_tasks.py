@@ -1,12 +1,14 @@
-"""Tables of pages on the tasks themselves: what is known of each, and how the suite was drawn."""
+"""Tables of pages by task: what is known of each, what was learned of those from the field, how the suite was drawn."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
 import recorded
-from recorded import markdown, number
+from page_reference import entry, learned_by, of_setting, rows
+from recorded import Row, markdown, number
 
 from stlbench.registry import plugins
 from stlbench.rollout.baselines import constants
@@ -17,6 +19,81 @@ from stlbench_tasks.suite.templates import TEMPLATES
 
 REFUSED = ("trivial", "unknown", "cramped")
 """Why candidates of the suite are refused."""
+
+
+def auto() -> str:
+    """One row per task of the paper: what is learned on the track `auto`, beside the recipes by hand; CPU seconds."""
+    return _beside("auto", learned_by("shared"), rows("cells"), ("funnel", "raw"))
+
+
+def auto_field() -> str:
+    """The same for tasks from the field. A method without a seed there is unsuitable."""
+    by_hand = {
+        (task, method): row for (task, agent, method), row in field_rows().items() if not agent.startswith("sb3")
+    }
+    return _beside("auto-field", by_hand, recorded.table("field", "cells"), ("funnel", "raw", "flag"))
+
+
+def _beside(
+    folder: str, by_hand: Mapping[tuple[str, str], Row], hand_cells: Sequence[Row], methods: tuple[str, ...]
+) -> str:
+    by_rules = {(row["task"], row["method"]): row for row in recorded.table(folder, "robustness")}
+    cells = (recorded.table(folder, "cells"), hand_cells)
+    body = []
+    for task in dict.fromkeys(task for task, _ in by_rules):
+        pairs = [(by_rules.get((task, method)), by_hand.get((task, method))) for method in methods]
+        settings = zip(*pairs, strict=True)
+        times = [f"{_training(own, of):.0f} s" for own, of in zip(settings, cells, strict=True)]
+        body.append([f"`{task}`", *(_counts(row) for pair in pairs for row in pair), *times])
+    columns = [f"`{method}` {how}" for method in methods for how in ("by rules", "by hand")]
+    return markdown(["task", *columns, "CPU by rules", "CPU by hand"], body)
+
+
+def _counts(row: Row | None) -> str:
+    """ "0.396; 9, 8 of 10": median, and the seeds that learned the task with the selected and the final policy."""
+    if row is None or row["seeds done"] == "0":
+        return ""
+    return f"{number(row['median robustness'])}; {row['learned']}, {row['final learned']} of {row['seeds done']}"
+
+
+def _training(settings: Iterable[Row | None], cells: Sequence[Row]) -> float:
+    """The mean CPU seconds of training of the cells that belong to the settings."""
+    own = [cell for setting in settings if setting for cell in of_setting(cells, setting)]
+    return sum(float(cell["training_cpu_seconds"]) for cell in own) / len(own)
+
+
+def field() -> str:
+    """One row per task from the field and agent but `either-or`, one column per method that many were trained with."""
+    found = field_rows()
+    methods = ("funnel", "raw", "flag", "tau-mdp")
+    keys = dict.fromkeys((task, agent) for task, agent, _ in found if task != "either-or")
+    body = [
+        [f"`{task}`", f"`{agent}`", *(entry(found.get((task, agent, method)), 5, interval=False) for method in methods)]
+        for task, agent in keys
+    ]
+    return markdown(["task", "agent", *(f"`{method}`" for method in methods)], body)
+
+
+def either_or() -> str:
+    """One row per method on `either-or`, the best first; one column per agent."""
+    found = {(method, agent): row for (task, agent, method), row in field_rows().items() if task == "either-or"}
+    agents = ("td3", "sb3-ppo")
+    methods = sorted({method for method, _ in found}, key=lambda method: (_last(found[method, agents[0]]), method))
+    body = [
+        [f"`{method}`", *(entry(found.get((method, agent)), 5, interval=False) for agent in agents)]
+        for method in methods
+    ]
+    return markdown(["method", *(f"`{agent}`" for agent in agents)], body)
+
+
+def _last(row: Row) -> float:
+    """Sorts by robustness, the greatest first and what has none last."""
+    return -float(row["median robustness"] or "-inf")
+
+
+def field_rows() -> dict[tuple[str, str, str], Row]:
+    """The rows of `results/field` by task, agent and method."""
+    return {(row["task"], row["agent"], row["method"]): row for row in recorded.table("field", "robustness")}
 
 
 def suite() -> str:

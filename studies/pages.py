@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import joss
-import page_field
 import page_reference
 import page_tasks
 import race
@@ -39,11 +38,11 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-planned": lambda: markdown(*survey.planned()),
     },
     "docs/howto/solve.md": {"solve-foreign": solve_foreign.page, "solve-race": race.page},
-    "docs/explanation/auto.md": {"auto": page_field.auto, "auto-field": page_field.auto_field},
+    "docs/explanation/auto.md": {"auto": page_tasks.auto, "auto-field": page_tasks.auto_field},
     "docs/explanation/suite.md": {"suite": page_tasks.suite},
     "docs/reference/tasks.md": {
-        "field": page_field.field,
-        "either-or": page_field.either_or,
+        "field": page_tasks.field,
+        "either-or": page_tasks.either_or,
         "baselines": page_tasks.baselines,
     },
     "docs/performance-tables.md": {"cost": page_reference.cost},

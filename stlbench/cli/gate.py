@@ -16,8 +16,7 @@ from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.gate import summary
 from stlbench.gate.judge import EXIT, Judgement, judge
-from stlbench.gate.measure import cells_of, measure, select
-from stlbench.gate.snapshot import Snapshot, load, save
+from stlbench.gate.snapshot import Snapshot, cells_of, load, measure, save, select
 from stlbench.gate.summary import Named
 from stlbench.gate.trees import both_trees
 from stlbench.gate.turns import judge_turns, take_turns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -15,8 +15,6 @@ from stlbench.cli.options import Explain, Fitting, TaskFolders
 from stlbench.cli.output import Json, console, print_json
 from stlbench.errors import DiskFull, UsageError
 from stlbench.records import stored
-from stlbench.records.identity import CellId
-from stlbench.records.result import Result
 from stlbench.records.status import NOT_RUN
 from stlbench.registry import plugins
 from stlbench.report import Group, Report, Width, condense, to_records, to_screen, write
@@ -86,8 +84,8 @@ def report(
         return
     content = Report(groups, standards_of(groups))
     if html:
-        with stored.one_by_one(folder) as results:
-            _write_page(content, results, folder if folder.is_dir() else folder.parent, out, as_json)
+        with stored.one_by_one(folder) as find:
+            _write_page(content, find, folder if folder.is_dir() else folder.parent, out, as_json)
     else:
         _write(content, folder, width)
         _print_json(content)
@@ -100,7 +98,7 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
     groups = condense(results.values())
     content = Report(groups, standards_of(groups), first=(bundles_table(bundles),))
     if page is not None:
-        _write_page(content, results, paths[0], page, as_json)
+        _write_page(content, results.get, paths[0], page, as_json)
     elif as_json:
         _print_json(content)
     else:
@@ -162,9 +160,7 @@ def _write(report: Report, folder: Path, width: Width) -> bool:
     return True
 
 
-def _write_page(
-    report: Report, results: Mapping[CellId, Result], folder: Path, out: Path | None, as_json: bool
-) -> None:
+def _write_page(report: Report, find: stored.Find, folder: Path, out: Path | None, as_json: bool) -> None:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -175,7 +171,7 @@ def _write_page(
         stage = bar.add_task("figures of the methods", total=None)
         path = write_page(
             report,
-            results,
+            find,
             folder,
             load_guarded,
             ask,
@@ -186,7 +182,7 @@ def _write_page(
     if as_json:
         print_json({"path": str(path), "bytes": size})
     else:
-        typer.echo(f"{path}: {size / 1e6:.1f} MB, {len(results)} cells")
+        typer.echo(f"{path}: {size / 1e6:.1f} MB, {sum(group.tried for group in report.groups)} cells")
 
 
 def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:

@@ -1,4 +1,4 @@
-"""Snapshots: a few numbers of each cell, and where they are from. The gate compares two of them.
+"""Snapshots: a few numbers of each cell, and where they are from; read, or measured again. The gate compares two.
 
 A *reference* is a snapshot in a folder: `cells.csv`, one row per cell, is small enough for git and shows changes in a
 diff; `provenance.json` says how it was measured.
@@ -9,25 +9,29 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from stlbench.errors import UsageError, in_words
+from stlbench.contract import Executor
+from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import stored
-from stlbench.records.columns import numbers
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
-from stlbench.records.ledger import FILE
+from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result
+from stlbench.records.rows import numbers
 from stlbench.records.schema import is_sqlite
-from stlbench.records.status import NOT_RUN, Status
+from stlbench.records.status import ACCIDENTS, NOT_RUN, Status
 from stlbench.share.checked import unpacked
+from stlbench.study.cell import Cell
+from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE
+from stlbench.study.run import Progress, run_cells
 
 _PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ from cell to cell
 
@@ -168,3 +172,42 @@ def _row(row: Mapping[str, str | None], where: str) -> Sample:
 @lru_cache
 def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
+
+
+def select(reference: Path, **chosen: Collection[object] | None) -> Snapshot:
+    """The cells of a reference whose parts (task, method, ...) are among the chosen; None means all.
+
+    Raises `UsageError` without a reference, or if it has no cell of a name.
+    """
+    if not reference.exists():
+        raise UsageError(f"there is no reference at {reference}; --update with --tasks and --methods makes one")
+    snapshot = load(reference)
+    cells = set(snapshot.samples)
+    for part, values in chosen.items():
+        if values is None:
+            continue
+        known = {getattr(cell, part) for cell in cells}
+        for value in values:
+            if value not in known:
+                hint = did_you_mean(str(value), map(str, known))
+                raise UsageError(f"the reference has no cells of {part} '{value}'{hint}")
+        cells = {cell for cell in cells if getattr(cell, part) in values}
+    return replace(snapshot, samples={cell: sample for cell, sample in snapshot.samples.items() if cell in cells})
+
+
+def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
+    """Plan the cells of a snapshot, task by task, since an agent may have recipes in some tasks only."""
+    cells: list[Cell] = []
+    for task in sorted({cell.task for cell in snapshot.samples}):
+        own = [cell for cell in snapshot.samples if cell.task == task]
+        methods, agents = (sorted({getattr(cell, part) for cell in own}) for part in ("method", "agent"))
+        for budget, track in sorted({(cell.budget, cell.track) for cell in own}):
+            cells += plan_cells([task], methods, agents, sorted({cell.seed for cell in own}), budget, track)
+    return tuple(cell for cell in cells if cell.id in snapshot.samples)
+
+
+def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Progress | None = None) -> Snapshot:
+    """Run the cells without a result in the folder, or with one of other code."""
+    run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
+    with Ledger(folder / FILE, create=False) as ledger:
+        return gather(ledger.results_of(cell.id for cell in cells))

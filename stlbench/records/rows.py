@@ -1,20 +1,48 @@
-"""A row of a ledger: its columns, and the checksums that it has."""
+"""A result as flat columns, for tables, logs and the gate; and a row of a ledger, with its checksums."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Self, cast, get_args
 
-from stlbench.records.columns import numbers
 from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import cell_files
-from stlbench.records.result import Result, from_json, to_json
+from stlbench.records.result import Measurement, Result, Score, from_json, reported, to_json
 from stlbench.records.status import Status
 from stlbench.registry.choices import parse_choice
+
+_NESTED = ("selected", "final", "curve", "planned", "policies")
+
+
+def numbers(measurement: Measurement) -> dict[str, Any]:
+    """All columns of a measurement.
+
+    Scores are those that count (`reported`), of the selected policy and, with the prefix `final_`, of the final one:
+    `robustness_mean`, `robustness_min`, `satisfaction` in [0, 1], `ended_early` and `starts`. The other columns are the
+    fields of `Measurement` that are a single value, and `maximised` and `grid_value` of a policy that was planned.
+    """
+    columns = {each.name: getattr(measurement, each.name) for each in fields(Measurement) if each.name not in _NESTED}
+    for prefix, scores in (("", measurement.selected), ("final_", measurement.final)):
+        columns |= {f"{prefix}{name}": value for name, value in score_numbers(reported(scores)).items()}
+    planned = measurement.planned
+    return columns if planned is None else columns | {"maximised": planned.maximised, "grid_value": planned.value}
+
+
+def score_numbers(score: Score) -> dict[str, float | int | None]:
+    """A score as flat columns."""
+    return {
+        "robustness_mean": score.mean,
+        "robustness_min": score.minimum,
+        "satisfaction": score.satisfaction,
+        "ended_early": score.ended_early,
+        "starts": score.starts,
+    }
+
 
 _NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training_wall_seconds")
 """Columns for queries by SQL."""

@@ -17,7 +17,6 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
-from stlbench.records.rows import Row
 from stlbench.records.schema import LONGEST
 from stlbench.records.status import NOT_RUN
 
@@ -48,34 +47,21 @@ def read(path: Path) -> Iterator[Result]:
         yield from ledger.results()
 
 
+Find = Callable[[CellId], Result | None]
+"""Gives the result of a cell; None where there is none."""
+
+
 @contextmanager
-def one_by_one(path: Path) -> Iterator[Mapping[CellId, Result]]:
-    """The results of `read`, each read on access: of a ledger no more than one is in memory. A damaged row is missing,
-    with a `LedgerWarning`."""
+def one_by_one(path: Path) -> Iterator[Find]:
+    """Finds the results of `read`: of a ledger no more than one is in memory. For a damaged row it gives None, with a
+    `LedgerWarning`."""
     file = _existing(path)
     if file.suffix == SUFFIX:
-        yield {result.id: result for result in _read_lines(file)}
+        yield {result.id: result for result in _read_lines(file)}.get
         return
     with Ledger(file, create=False) as ledger:
-        yield _OfLedger(ledger, ledger.present())
-
-
-@dataclass(frozen=True)
-class _OfLedger(Mapping[CellId, Result]):
-    ledger: Ledger
-    rows: Mapping[CellId, Row]
-
-    def __getitem__(self, cell: CellId) -> Result:
-        result = self.ledger.read(self.rows[cell])
-        if result is None:
-            raise KeyError(cell)
-        return result
-
-    def __iter__(self) -> Iterator[CellId]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
+        rows = ledger.present()
+        yield lambda cell: ledger.read(rows[cell]) if cell in rows else None
 
 
 def missing(path: Path) -> dict[str, CellId]:

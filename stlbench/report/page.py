@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId, Setting
+from stlbench.records.identity import Setting
 from stlbench.records.outputs import TRACES, write
-from stlbench.records.result import Result
+from stlbench.records.stored import Find
 from stlbench.registry.choices import Choice
 from stlbench.report import Report
 from stlbench.report.figures.files import drawings_across, drawings_of_alignment, drawings_of_tasks, svg_of
@@ -53,7 +53,7 @@ def require() -> None:
 
 def write_page(
     report: Report,
-    results: Mapping[CellId, Result],
+    find: Find,
     folder: Path,
     load: Load,
     ask: Ask,
@@ -62,12 +62,12 @@ def write_page(
 ) -> Path:
     """Write the page of a folder's results; the path, which is report.html in the folder if None is given.
 
-    The `results` are read one at a time. `load` loads a task, `ask` asks methods for their bounds, and `tell` is called
+    `find` reads the result of a cell; `load` loads a task, `ask` asks methods for their bounds, and `tell` is called
     after each task. Raises `UsageError` if jinja2 is not installed, or the file cannot be written.
     """
     require()
     with fitting("column"):
-        text = _Page(report, results, folder, load, ask).text(tell)
+        text = _Page(report, find, folder, load, ask).text(tell)
     try:
         return write(path or folder / FILE, text)
     except UsageError as error:
@@ -77,7 +77,7 @@ def write_page(
 @dataclass(frozen=True)
 class _Page:
     report: Report
-    results: Mapping[CellId, Result]
+    find: Find
     folder: Path
     load: Load
     ask: Ask
@@ -103,7 +103,7 @@ class _Page:
         across = [table.trimmed() for table in (*report.first, *report.across) if table.rows]
         rows, cells = cells_shown(report.groups)
         keys = {part["name"]: part["key"] for part in parts}
-        details = [cell_part(row, self.results.get(row.id), self.folder) for row in rows]
+        details = [cell_part(row, self.find(row.id), self.folder) for row in rows]
         tables = [overview, *across, cells, *(table for part in parts for table in (*part["tables"], part["worst"]))]
         tables += [table for part in details for table in part["tables"]]
         return _rendered(
@@ -139,7 +139,7 @@ class _Page:
             lacks.append(f"There is no folder {TRACES}/ beside these results: what policies did is not shown.")
         elif task is not None:
             for group in shown:
-                members = [self.results[row.id] for row in group.rows if row.numbers is not None]
+                members = [found for row in group.rows if row.numbers and (found := self.find(row.id))]
                 try:
                     if story := tell_story(task, members, self.folder):
                         stories[group.setting] = story

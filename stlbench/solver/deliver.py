@@ -127,8 +127,8 @@ class Delivery:
         except UsageError:
             write_report(report, cells, load_guarded)
             raise
-        with stored.one_by_one(cells) as results:
-            write_page(report, results, cells, load_guarded, ask, self.folder / "page.html")
+        with stored.one_by_one(cells) as find:
+            write_page(report, find, cells, load_guarded, ask, self.folder / "page.html")
 
     def _film(self) -> None:
         filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)

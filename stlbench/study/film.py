@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from PIL import Image
 
 from stlbench.contract import Array, Integers
@@ -161,14 +162,7 @@ def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
         (path,) = axes.plot([], [], "-", color=TRACE, linewidth=1.3, zorder=4)
         (head,) = axes.plot([], [], "o", color="black", markersize=6, zorder=6)
         drawn.append((places, path, head))
-    figure.legend(handles=part_keys(task, view.drawn), loc="outside lower left", ncols=1, fontsize=9)
-
-    def update(sample: int) -> None:
-        for trace, path, head in drawn:
-            path.set_data(*trace[: sample + 1].T)
-            head.set_data(*trace[sample : sample + 1].T)
-
-    return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])
+    return _drawn(figure, drawn, part_keys(task, view.drawn))
 
 
 def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
@@ -181,7 +175,7 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
         column[0].set_title(name, fontsize=10)
         for axes, values in zip(column, trace.T, strict=True):
             line, (head,) = axes.lines[0], axes.plot([0], values[:1], "o", color="black", markersize=6, zorder=6)
-            drawn.append((values, line, head))
+            drawn.append((np.column_stack([np.arange(len(values)), values]), line, head))
     for row, values, signal in zip(table, np.moveaxis(traces, -1, 0), task.file.signals.values(), strict=True):
         low, high = min(signal.low, values.min()), max(signal.high, values.max())
         margin = 0.04 * (high - low)
@@ -189,14 +183,19 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
         for axes in row[1:]:
             axes.set_ylabel("")
     read = [layout.patch(READ, label="steps at which the row's signal is read")] if shaded else []
-    figure.legend(handles=[*part_keys(task, shaded), *read], loc="outside lower left", ncols=1, fontsize=9)
+    return _drawn(figure, drawn, [*part_keys(task, shaded), *read])
+
+
+def _drawn(figure: Figure, lines: Sequence[tuple[Array, Line2D, Line2D]], keys: Sequence[Artist]) -> Scene:
+    """Lines that grow along points (T + 1, 2), each with a head; below them the legend."""
+    figure.legend(handles=keys, loc="outside lower left", ncols=1, fontsize=9)
 
     def update(sample: int) -> None:
-        for values, line, head in drawn:
-            line.set_data(np.arange(sample + 1), values[: sample + 1])
-            head.set_data([sample], values[sample : sample + 1])
+        for points, line, head in lines:
+            line.set_data(*points[: sample + 1].T)
+            head.set_data(*points[sample : sample + 1].T)
 
-    return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])
+    return Scene(figure, update, [artist for _, *artists in lines for artist in artists])
 
 
 def write_video(pictures: Iterable[Pixels], path: Path) -> None:

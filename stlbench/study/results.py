@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.records import stored
-from stlbench.records.columns import numbers, score_numbers
 from stlbench.records.identity import IDENTITY, CellId, find_cell
 from stlbench.records.result import Result
+from stlbench.records.rows import numbers, score_numbers
 from stlbench.records.saved_policies import Which
 from stlbench.records.saved_traces import SavedTraces, read_cell
 from stlbench.records.status import ACCIDENTS, NOT_RUN

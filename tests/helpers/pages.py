@@ -57,4 +57,4 @@ class Page(HTMLParser):
 def write(made: Sequence[Result], missing: Iterable[CellId], standards: Mapping[str, Standard], folder: Path) -> Path:
     """The page of these results."""
     results = {result.id: result for result in made}
-    return write_page(Report(condense(made, missing), standards), results, folder, load_guarded, ask)
+    return write_page(Report(condense(made, missing), standards), results.get, folder, load_guarded, ask)

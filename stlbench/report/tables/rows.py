@@ -10,9 +10,9 @@ from functools import cached_property, lru_cache
 from typing import Any, Literal, TypeVar
 
 from stlbench.errors import UsageError
-from stlbench.records.columns import numbers
 from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
+from stlbench.records.rows import numbers
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.registry import plugins
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
