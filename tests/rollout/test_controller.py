@@ -32,22 +32,10 @@ def test_every_step_is_recorded_and_actions_are_held() -> None:
     assert trace(task, 0, 1) == [[0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0], [1, 0.5, 0, -0.5, -1, -0.5, 0, 0.5, 1]]
 
 
-def test_it_is_told_the_step() -> None:
-    asked = list[list[int]]()
-
-    def control(state: Array, t: Integers) -> Array:
-        asked.append(t.tolist())
-        return np.where(t[:, None] < 2, 1.0, 0.0)
-
-    assert trace(steered(control, hold=2), 0, 1)[0] == [0, 0.5, 1, 1, 1, 1, 1, 1, 1]
-    assert asked[-4:] == [[0, 0], [2, 2], [4, 4], [6, 6]]
-
-
 def test_on_a_grid_the_nearest_action_is_taken() -> None:
     """The grid is -1, 0, 1; whole numbers are speeds, not indices."""
-    for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1)):
+    for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1), (1, 1)):
         assert trace(steered(lambda state, t, v=wanted: np.full((len(state), 1), v)), 0)[0][1] == 0.5 * taken
-    assert trace(steered(lambda state, t: np.full((len(state), 1), 1)), 0)[0][1] == 0.5
 
 
 def test_each_axis_of_a_grid_is_rounded_by_itself() -> None:
@@ -72,24 +60,21 @@ def test_continuous_actions_are_clipped_and_not_rounded() -> None:
 @pytest.mark.parametrize(
     ("control", "message"),
     [
-        (lambda state: np.full((len(state), 1), np.nan), r"an action has v nan; v is in \[-1, 1\]"),
-        (lambda state: np.full((len(state), 1), np.inf), r"an action has v inf; v is in \[-1, 1\]"),
-        (lambda state: np.zeros((len(state), 2)), r"its actions are float64 \(1, 2\); expected are \(1, 1\) for v"),
-        (lambda state: np.zeros(len(state)), r"its actions are float64 \(1,\); expected are \(1, 1\) for v"),
-        (lambda state: 1.0, r"its actions are float64 \(\); expected are \(1, 1\) for v"),
-        (lambda state: [["up"]] * len(state), r"its actions are <U2 \(1, 1\); expected"),
+        (lambda state, t: np.full((len(state), 1), np.nan), r"an action has v nan; v is in \[-1, 1\]"),
+        (lambda state, t: np.full((len(state), 1), np.inf), r"an action has v inf; v is in \[-1, 1\]"),
+        (lambda state, t: np.zeros((len(state), 2)), r"its actions are float64 \(1, 2\); expected are \(1, 1\) for v"),
+        (lambda state, t: np.zeros(len(state)), r"its actions are float64 \(1,\); expected are \(1, 1\) for v"),
+        (lambda state, t: 1.0, r"its actions are float64 \(\); expected are \(1, 1\) for v"),
+        (lambda state, t: [["up"]] * len(state), r"its actions are <U2 \(1, 1\); expected"),
+        (lambda state, t: None if t[0] == 3 else np.ones_like(state), "the controller has no action at step 3$"),
     ],
 )
 @pytest.mark.parametrize("count", [None, 3])
-def test_what_is_no_action_is_refused(control: Callable[[Array], Any], message: str, count: int | None) -> None:
-    task = steered(lambda state, t: control(state), actions={"v": {"low": -1, "high": 1, "count": count}})
+def test_what_is_no_action_is_refused(
+    control: Callable[[Array, Integers], Any], message: str, count: int | None
+) -> None:
+    task = steered(control, actions={"v": {"low": -1, "high": 1, "count": count}})
     with pytest.raises(PluginFault, match=f"^line, by hand: {message}"):
-        trace(task, 0)
-
-
-def test_one_that_stops_to_answer_is_refused() -> None:
-    task = steered(lambda state, t: None if t[0] == 3 else np.ones_like(state))
-    with pytest.raises(PluginFault, match=r"^line, by hand: the controller has no action at step 3$"):
         trace(task, 0)
 
 

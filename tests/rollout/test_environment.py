@@ -8,7 +8,6 @@ from helpers.line_task import Probe, line
 
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.model import ends_of
-from stlbench.task import build_method, load_task
 
 DOWN, STAY, UP = 0, 1, 2
 """x moves by -.5, 0, .5 a step."""
@@ -135,14 +134,6 @@ class TestBatchEnvironment:
         assert max(reference) <= 1
         assert starts(3, 5, DOWN) == reference
         assert starts(0, 6, UP) != reference
-
-    def test_every_method_of_a_task_sees_the_same_initial_states(self) -> None:
-        task = load_task("hold-disc")
-        features = [
-            BatchEnvironment(task, build_method(task, name), 8, seed=3).reset()[:, :4]
-            for name in ("funnel", "raw", "flag", "tau-mdp")
-        ]
-        assert all(np.array_equal(entry, features[0]) for entry in features[1:])
 
     def test_training_may_start_elsewhere_than_the_referee(self) -> None:
         task = line(training={"starts": {"box": {"x": [5, 6]}}})

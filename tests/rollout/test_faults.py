@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -186,53 +187,35 @@ def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytes
         build_method(line(), "raw")
 
 
+NO_NUMBERS = "its rewards are {}, the contract says an array of real numbers, float64"
+NOT_ONE_A_COPY = r"the shape of its rewards is \(.*\), the contract says \([12], 3\)"
+
+
 @pytest.mark.parametrize(
-    ("odd", "kind"),
+    ("paid", "said"),
     [
-        (np.array(["1", "2", "3"]), "<U1"),
-        (np.zeros(3, complex), "complex128"),
-        (np.zeros(3, "timedelta64[s]"), r"timedelta64\[s\]"),
-        (np.ma.masked_array([1.0, 2.0, 3.0], [False, True, False]), "a masked array"),
-        (np.array([Fraction(1, 2)] * 3), "object"),
+        (lambda n: np.resize(["1", "2", "3"], n), NO_NUMBERS.format("<U1")),
+        (lambda n: np.zeros(n, complex), NO_NUMBERS.format("complex128")),
+        (lambda n: np.zeros(n, "timedelta64[s]"), NO_NUMBERS.format(r"timedelta64\[s\]")),
+        (lambda n: np.ma.masked_array(np.ones(n), np.arange(n) == 1), NO_NUMBERS.format("a masked array")),
+        (lambda n: np.array([Fraction(1, 2)] * n), NO_NUMBERS.format("object")),
+        *((lambda n, shape=shape: np.zeros(shape), NOT_ONE_A_COPY) for shape in ((), (1,), (5,))),
     ],
 )
 @pytest.mark.parametrize(("hold", "size"), [(1, 1), (2, 0)])
-def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold: int, size: int) -> None:
-    """NumPy would make floats of all these, and leave out what makes them something else."""
+def test_rewards_that_are_no_real_numbers_or_not_one_for_each_copy(
+    paid: Callable[[int], Any], said: str, hold: int, size: int
+) -> None:
+    """NumPy would make floats of these types, and stretch one number to as many as there are."""
 
     class Odd(Stepwise):
-        """Pays in another type, for all transitions that it is asked about."""
-
         memory_size = size
 
         def step(self, signals: Array, action: Array, after: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-            return np.ma.resize(odd, len(t)) if np.ma.isMaskedArray(odd) else np.resize(odd, len(t)), memory
+            return paid(len(t)), memory
 
     task = line(hold=hold)
     environment = BatchEnvironment(task, Odd(task.specification), 3, seed=0)
     environment.reset()
-    said = f"^method Odd: its rewards are {kind}, the contract says an array of real numbers, float64$"
-    with pytest.raises(PluginFault, match=said):
-        environment.step(STAY)
-
-
-@pytest.mark.parametrize(("hold", "size"), [(1, 1), (2, 0)])
-@pytest.mark.parametrize("shape", [(), (1,), (5,)])
-def test_the_number_of_rewards_of_one_step(hold: int, size: int, shape: tuple[int, ...]) -> None:
-    """One for all copies is not stretched to as many as there are."""
-
-    class Odd(Stepwise):
-        """Rewards of another shape."""
-
-        memory_size = size
-
-        def step(self, signals: Array, action: Array, after: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-            return np.zeros(shape), memory
-
-    task = line(hold=hold)
-    environment = BatchEnvironment(task, Odd(task.specification), 3, seed=0)
-    environment.reset()
-    with pytest.raises(
-        PluginFault, match=r"^method Odd: the shape of its rewards is \(.*\), the contract says \([12], 3\)$"
-    ):
+    with pytest.raises(PluginFault, match=f"^method Odd: {said}$"):
         environment.step(STAY)

@@ -20,19 +20,12 @@ def trace(*distances: tuple[int, float]) -> Array:
     return samples
 
 
-def test_the_least_margin_and_its_step() -> None:
-    found = reason(TASK, trace((100, 1.25), (150, 1.5)))
+def test_the_least_margin_and_the_first_step_outside() -> None:
+    found, lost = reason(TASK, trace((100, 1.25), (150, 1.5))), first_loss(TASK, trace((100, 1.25), (150, 0.5)))
     assert found is not None
     assert (found.step, found.margin) == (150, pytest.approx(-0.5))
-
-
-def test_lost_from_the_first_step_outside() -> None:
-    found = first_loss(TASK, trace((100, 1.25), (150, 0.5)))
-    assert found is not None
-    assert (str(found.conjunct), found.step) == (str(TASK.formula), 100)
-
-
-def test_what_satisfies_is_never_lost() -> None:
+    assert lost is not None
+    assert (str(lost.conjunct), lost.step) == (str(TASK.formula), 100)
     assert first_loss(TASK, trace((100, 0.5))) is None
 
 

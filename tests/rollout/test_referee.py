@@ -20,6 +20,9 @@ from stlbench.task import starts
 THREE = "G[0,2] x <= 1 & F[0,3] x >= 5 & G[4,6] x <= 3"
 
 
+EITHER = "G[0,4] x <= 1 | F[0,2] x >= 5"
+
+
 def scored(formula: str, *traces: list[float]) -> Score:
     return score(line(), np.array(traces, dtype=float)[..., None], stl.parse(formula))
 
@@ -59,19 +62,20 @@ class TestScore:
         assert found.first_failed == {"G[0,2] x <= 1": 2, "G[4,6] x <= 3": 1}
         assert scored(THREE, good, good).first_failed == {}
 
-    def test_a_nested_conjunction_is_taken_apart(self) -> None:
-        found = scored("G[0,2] x <= 1 & (F[0,3] x >= 5 & G[4,6] x <= 3)", [0, 0, 0, 6, 0, 5, 0])
-        assert found.first_failed == {"G[4,6] x <= 3": 1}
-
-    def test_a_formula_without_conjunction_is_its_own_conjunct(self) -> None:
-        found = scored("F[0,2] G[0,2] (x <= 1 | x >= 9)", [2, 2, 2, 2, 2])
-        assert found.first_failed == {"F[0,2] G[0,2] (x <= 1 | x >= 9)": 1}
-
-    def test_a_disjunction_is_lost_when_its_last_hope_is(self) -> None:
-        # G[0,4] is lost at 1, F[0,2] at 2; the second conjunct at 1 as well, and before it
-        either = "(G[0,4] x <= 1 | F[0,2] x >= 5) & F[0,1] x >= 2"
-        assert scored(either, [0, 2, 0, 0, 0]).first_failed == {"G[0,4] x <= 1 | F[0,2] x >= 5": 1}
-        assert scored(either, [0, 1.5, 0, 0, 0]).first_failed == {"F[0,1] x >= 2": 1}
+    @pytest.mark.parametrize(
+        ("formula", "trace", "first"),
+        [
+            ("G[0,2] x <= 1 & (F[0,3] x >= 5 & G[4,6] x <= 3)", [0, 0, 0, 6, 0, 5, 0], "G[4,6] x <= 3"),
+            ("F[0,2] G[0,2] (x <= 1 | x >= 9)", [2, 2, 2, 2, 2], "F[0,2] G[0,2] (x <= 1 | x >= 9)"),
+            # G[0,4] is lost at 1, F[0,2] at 2; the second conjunct at 1 as well, and before it
+            (f"({EITHER}) & F[0,1] x >= 2", [0, 2, 0, 0, 0], EITHER),
+            (f"({EITHER}) & F[0,1] x >= 2", [0, 1.5, 0, 0, 0], "F[0,1] x >= 2"),
+        ],
+    )
+    def test_conjuncts_are_taken_apart_and_a_disjunction_is_lost_with_its_last_hope(
+        self, formula: str, trace: list[float], first: str
+    ) -> None:
+        assert scored(formula, trace).first_failed == {first: 1}
 
 
 def lost_by_definition(formula: stl.Formula, trace: Array) -> int:

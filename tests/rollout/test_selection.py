@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -34,13 +36,13 @@ def rows(*values: float, starts: int = 64) -> Array:
 
 
 class TestWhoWins:
-    def test_satisfaction_comes_first(self) -> None:
-        found, _ = raced(rows(0, 1, 0), rows(0.1, 0.01, 0.3))
-        assert found.best == 1
-
-    def test_then_the_mean_robustness(self) -> None:
-        found, _ = raced(rows(1, 1, 1), rows(0.1, 0.3, 0.2))
-        assert found.best == 1
+    @pytest.mark.parametrize(
+        ("satisfied", "robustness", "best"),
+        [((0, 1, 0), (0.1, 0.01, 0.3), 1), ((1, 1, 1), (0.1, 0.3, 0.2), 1), ((1, 1, 0), (np.inf, np.inf, -np.inf), 0)],
+        ids=["satisfaction comes first", "then the mean robustness", "which may be infinite"],
+    )
+    def test_by_satisfaction_and_then_robustness(self, satisfied: Any, robustness: Any, best: int) -> None:
+        assert raced(rows(*satisfied), rows(*robustness))[0].best == best
 
     def test_of_equals_the_first_and_only_after_all_starts(self) -> None:
         found, _ = raced(rows(0, 1, 1), rows(0.1, 0.2, 0.2))
@@ -129,10 +131,6 @@ class TestWhoLeaves:
         satisfied = np.ones((2, 64))
         satisfied[0, 3], satisfied[1, 20:30] = 0, 0
         found, _ = raced(satisfied, rows(-5, 0.3))
-        assert found.best == 0
-
-    def test_infinite_robustness(self) -> None:
-        found, _ = raced(rows(1, 1, 0), rows(np.inf, np.inf, -np.inf))
         assert found.best == 0
 
 

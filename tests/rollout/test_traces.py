@@ -32,21 +32,15 @@ def save(tmp_path):
 
 
 def test_what_was_saved_is_loaded(save, tmp_path):
+    with pytest.raises(UsageError, match=r"^line/funnel/dqn/0 has no traces at "):
+        load(line(), RESULT, tmp_path)
     save(traces=TRACES, signals=["x"], extremes=[2, 0], states=np.ones((2, 9, 1)))
     found = load(line(), RESULT, tmp_path)
     assert np.array_equal(found.traces, TRACES)
     assert found.film is not None
     assert (found.film.starts.tolist(), found.film.states.shape) == ([2, 0], (2, 9, 1))
-
-
-def test_an_older_file_has_no_states(save, tmp_path):
     save(traces=TRACES, signals=["x"])
-    assert load(line(), RESULT, tmp_path).film is None
-
-
-def test_no_file_is_a_usage_error(tmp_path):
-    with pytest.raises(UsageError, match=r"^line/funnel/dqn/0 has no traces at "):
-        load(line(), RESULT, tmp_path)
+    assert load(line(), RESULT, tmp_path).film is None  # an older file
 
 
 @pytest.mark.parametrize(
@@ -74,21 +68,12 @@ def test_damage_anywhere_is_a_usage_error(save, tmp_path):
             load(line(), RESULT, tmp_path)
         with contextlib.suppress(UsageError):
             read_saved(path)
-
-
-def test_one_array_is_no_archive(save, tmp_path):
-    with save(traces=TRACES, signals=["x"]).open("wb") as file:
-        np.save(file, TRACES)
-    with pytest.raises(UsageError, match=r"cannot read .* as traces of stlbench"):
-        load(line(), RESULT, tmp_path)
-
-
-@pytest.mark.parametrize("size", [0, 10, 200])
-def test_a_damaged_file_is_a_usage_error(save, tmp_path, size):
-    path = save(traces=TRACES, signals=["x"])
-    path.write_bytes(path.read_bytes()[:size])
-    with pytest.raises(UsageError, match=r"cannot read .* as traces of stlbench"):
-        load(line(), RESULT, tmp_path)
+    with path.open("wb") as file:
+        np.save(file, TRACES)  # one array, and no archive
+    for content in (path.read_bytes(), b"", whole[:10], whole[:200]):
+        path.write_bytes(content)
+        with pytest.raises(UsageError, match=r"cannot read .* as traces of stlbench"):
+            load(line(), RESULT, tmp_path)
 
 
 def test_seeds_are_gathered_and_shown_evenly():

@@ -4,23 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.mujoco_task import check_no_memory, rollout
+from helpers.mujoco_task import rollout
 
 from stlbench import stl
 from stlbench.contract import Array
 from stlbench.task import load_task, starts
 
 TASK = load_task("ball-in-cup")
-
-
-def test_the_paper() -> None:
-    """The formula, in steps of the suite's 0.02 s, over its episode of 1000 steps."""
-    caught, apart = "distance <= 0.1", "distance >= 0.2"
-    assert TASK.formula == stl.parse(f"G[200,300] ({caught}) & G[500,600] ({apart}) & G[800,1000] ({caught})")
-    assert (TASK.file.sampling_time, TASK.file.steps) == (0.02, 1000)
-    assert (TASK.actions.low, TASK.actions.high) == ((-1, -1), (1, 1))
-    ends = [term.end for term in TASK.specification.terms]
-    assert (*TASK.file.training.cuts, 1000) == tuple(ends)
 
 
 def test_robustness_by_hand() -> None:
@@ -85,14 +75,3 @@ def test_a_start_is_the_balls_place_above_the_ground() -> None:
     state = start(-0.1, 0.45)
     assert state[-2:] == pytest.approx([-0.1, -0.15])
     assert state[:8] == pytest.approx([0, 0, -0.1, 0.25, 0, 0, 0, 0])
-
-
-def test_copies_do_not_disturb_each_other() -> None:
-    check_no_memory(TASK)
-
-
-def test_features_by_hand() -> None:
-    state = np.array([[0.1, -0.2, 0, 0, 1, -2, 3, -4, 0, 0, 0, 0, 0.05, -0.25]] * 4)
-    features = TASK.system.features(state, np.array([299, 300, 599, 600]))
-    assert features[:, :8] == pytest.approx(np.tile([0.3, -0.6, 0.2, -1, 0.5, -1, 1.5, -2], (4, 1)))
-    assert features[:, 8:].tolist() == [[1], [-1], [-1], [1]]

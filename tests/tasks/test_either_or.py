@@ -39,12 +39,6 @@ def test_the_source() -> None:
     assert np.array_equal((TASK.file.initial.low + TASK.file.initial.high) / 2, own.low)
 
 
-def test_dynamics_by_hand() -> None:
-    """x' = x + v, v' = v + u; a speed stays at 1."""
-    after = TASK.system.step(np.array([[2.0, 3.0, 0.25, -0.8]]), np.array([[0.5, -0.5]]))
-    assert after == pytest.approx(np.array([[2.25, 2.2, 0.75, -1.0]]))
-
-
 def walk(*places: tuple[float, float, int]) -> Array:
     """A trace that is at each place for so many samples."""
     return np.concatenate([np.tile([x, y], (count, 1)) for x, y, count in places])[None]

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
-from helpers.mujoco_task import check_no_memory
 
 from stlbench import stl
 from stlbench.task import load_task
 
 TASK = load_task("fetch-reach")
-
-
-def test_the_paper() -> None:
-    """The formula, in steps of the environment's 0.04 s."""
-    first, second = (f"norm(x - 1.5, y - {y}, z - 0.47) <= 0.1" for y in (0.43, 1.05))
-    assert TASK.formula == stl.parse(f"G[50,100] ({first}) & G[150,200] ({second})")
-    assert (TASK.file.sampling_time, TASK.file.steps) == (0.04, 200)
-    assert (TASK.actions.low, TASK.actions.high) == ((-1, -1, -1), (1, 1, 1))
-    ends = [term.end for term in TASK.specification.terms]
-    assert (*TASK.file.training.cuts, 200) == tuple(ends)
 
 
 def test_robustness_by_hand() -> None:
@@ -80,17 +67,3 @@ def test_starts_are_where_a_repeated_action_leads() -> None:
     assert 0.05 < z[3] - z[0] < 0.13
     speeds = np.linalg.norm(states[:, 48:], axis=1)
     assert speeds.max() < 0.1  # an action of 1 moves it at up to 1.25 m/s
-
-
-def test_copies_do_not_disturb_each_other() -> None:
-    check_no_memory(TASK, steps=20)
-
-
-def test_features_by_hand() -> None:
-    state = np.zeros((2, 51))
-    state[:, 45:] = 1.45, 0.55, 0.5, 0.5, -1, 0
-    features = TASK.system.features(state, np.array([99, 100]))
-    common = [0.3, -0.6, 0, 0.4, -0.8, 0]
-    near, low = math.tanh(0.5), math.tanh(-0.3)
-    assert features[0] == pytest.approx([*common, near, math.tanh(-1.2), low, -1])
-    assert features[1] == pytest.approx([*common, near, math.tanh(5), low, 1])

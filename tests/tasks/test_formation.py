@@ -82,11 +82,6 @@ def test_what_is_rewarded() -> None:
     assert rewarded[1:] == [pytest.approx(value / 6) for value in robust[1:]]
 
 
-def test_dynamics_by_hand() -> None:
-    after = TASK.system.step(np.arange(6.0)[None], np.array([[1, -1, 0.5, 0, -0.5, 1]]))
-    assert after == pytest.approx(np.array([[0.1, 0.9, 2.05, 3, 3.95, 5.1]]))
-
-
 def test_features_by_hand() -> None:
     """a 3 m left of its goal, b at its goal, c .5 m below its goal."""
     state = np.tile([1.0, 3.5, 4.0, 2.25, 4.0, 0.5], (4, 1))

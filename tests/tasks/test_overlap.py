@@ -15,21 +15,6 @@ TASK = load_task("overlap")
 GOAL_1, GOAL_2, ASIDE = (3.0, 1.0), (1.0, 3.0), (1.0, 1.0)
 
 
-def test_the_paper() -> None:
-    """The formula in steps of .05 s: 100 s are 2000, 50 s 1000, 90 s 1800."""
-    safe = " & ".join(
-        [
-            "norminf(x - 2, y - 2) <= 2",
-            *(f"norminf(x - {cx}, y - {cy}) >= 0.5" for cx, cy in ((2, 2), (2, 0.5), (3, 3))),
-        ]
-    )
-    goals = "F[0,1000] (norm(x - 3, y - 1) <= 0.3) & F[1000,1800] (norm(x - 1, y - 3) <= 0.3)"
-    assert TASK.formula == stl.parse(f"G[0,2000] ({safe}) & {goals}")
-    assert TASK.file.steps * TASK.file.sampling_time == 100
-    assert TASK.actions.shape == (21, 13)
-    assert TASK.file.hold * TASK.file.sampling_time == 0.5
-
-
 def stays(*stops: tuple[int, tuple[float, float]]) -> Array:
     """A trace that is at each point from the step before it on."""
     trace = np.empty((1, 2001, 2))
@@ -114,11 +99,3 @@ def test_the_clearance_that_the_policy_sees_is_the_margin_of_the_safety_term() -
     states = np.random.default_rng(0).uniform(-0.5, 4.5, (300, 3))
     clearance = stl.margin(stl.fragment(TASK.formula)[0].psi, TASK.signals)(states[:, :2])
     assert TASK.system.features(states, np.zeros(300, dtype=np.int64))[:, 9] == pytest.approx(2 * clearance)
-
-
-def test_the_controller_by_hand() -> None:
-    """Below the passage: turn to it. In it: drive on. After 50 s, at the first goal: back to the passage."""
-    state = np.array([[1.15, 0.8, 0.2], [2.0, 1.25, 0.0], [2.0, 1.25, 0.0], [0.8, 2.0, math.pi / 2]])
-    action = TASK.system.controller(state, np.array([0, 999, 1000, 1000]))
-    assert action is not None
-    assert action == pytest.approx(np.array([[0, 1], [0.3, 0], [-0.3, 0], [0.3, 0]]))
