@@ -103,15 +103,18 @@ def test_a_cell_that_cannot_be_used_is_left_out_of_all(cells: Callable[..., Resu
 
 @pytest.mark.parametrize("command", ["falsify", "certify"])
 def test_what_is_no_subject(cells: Callable[..., Result], command: str) -> None:
-    assert refused(cells(command)).startswith("error: name a cell, --all ")
-    assert "name no others beside it" in refused(cells(command, UP, "--all"))
-    assert "with --task" in refused(cells(command, UP, "--on", "state"))
-    assert "--task needs a policy" in refused(cells(command, "--task", "toy-line"))
-    assert "a cell: name it without --task" in refused(cells(command, UP, "--task", "toy-line"))
-    assert "there is no cell" in refused(cells(command, "toy-line/toy-raw/toy-agent/7"))
-    assert "has no controller by hand" in refused(cells(command, "--controller", "toy-line"))
-    assert "has no budget 'paper'" in refused(cells(command, UP, "--budget", "paper"))
-    assert "that can be used and the budget paper" in refused(cells(command, "--all", "--budget", "paper"))
+    for words, said in (
+        ((), "error: name a cell, --all "),
+        ((UP, "--all"), "name no others beside it"),
+        ((UP, "--on", "state"), "with --task"),
+        (("--task", "toy-line"), "--task needs a policy"),
+        ((UP, "--task", "toy-line"), "a cell: name it without --task"),
+        (("toy-line/toy-raw/toy-agent/7",), "there is no cell"),
+        (("--controller", "toy-line"), "has no controller by hand"),
+        ((UP, "--budget", "paper"), "has no budget 'paper'"),
+        (("--all", "--budget", "paper"), "that can be used and the budget paper"),
+    ):
+        assert said in refused(cells(command, *words))
 
 
 def test_bad_rules_are_refused_before_anything_is_loaded(say: Callable[..., Result]) -> None:
@@ -121,22 +124,16 @@ def test_bad_rules_are_refused_before_anything_is_loaded(say: Callable[..., Resu
     assert "not by both" in refused(say("certify", "x", "--at-least", 0.9, "--until", 0.1))
 
 
-def test_a_certificate(cells: Callable[..., Result]) -> None:
+def test_certificates(cells: Callable[..., Result]) -> None:
     done = cells("certify", STILL, "--starts", 300)
     assert done.stdout.startswith(f"{STILL}: satisfied from 300 of 300 random starts; with confidence 0.99 ")
     assert done.stdout.endswith("the probability is in [0.9825, 1.0000]\n")
     claimed = cells("certify", UP, "--at-least", 0.5)
     assert claimed.stdout.endswith("that it is at least 0.5 is refuted\n")
-
-
-def test_certificates_of_several(cells: Callable[..., Result]) -> None:
-    done = cells("certify", "--all", "--until", 0.1, "--json")
-    still, up = json.loads(done.stdout)
-    assert still["high"] == 1
-    assert up["low"] == 0
+    still, up = json.loads(cells("certify", "--all", "--until", 0.1, "--json").stdout)
+    assert (still["high"], up["low"]) == (1, 0)
     assert max(still["high"] - still["low"], up["high"] - up["low"]) <= 0.1
-    table = cells("certify", "--all", "--starts", 50).stdout
-    assert table.startswith("Certificates: confidence 0.99")
+    assert cells("certify", "--all", "--starts", 50).stdout.startswith("Certificates: confidence 0.99")
 
 
 def stop(*_: Any) -> Any:

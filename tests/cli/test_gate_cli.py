@@ -74,12 +74,15 @@ def test_equal_code_is_no_worse(reference, say):
     assert Path("results/gate/gate.md").read_text() == done.stdout
     found = summary()
     assert (found["verdict"], found["exit_code"], found["findings"]) == ("no worse", 0, [])
-    qualities = found["comparisons"][:2]
-    assert [(entry["metric"], entry["pairs"], entry["change"]) for entry in qualities] == [
-        ("robustness", 3, 0.0),
-        ("satisfaction", 3, 0.0),
-    ]
     assert (found["base"]["path"], found["base"]["cells"]) == ("reference", 6)
+    first, second = found["comparisons"][:2]
+    assert first == {
+        "task": "toy-line", "method": "toy-raw", "agent": "toy-agent", "budget": "quick", "track": "shared",
+        "metric": "robustness", "pairs": 3, "base": first["base"], "new": first["base"],
+        "change": 0.0, "low": 0.0, "high": 0.0, "tolerated": -0.05, "p_value": 1.0, "verdict": "no worse",
+    }  # fmt: skip
+    assert (second["metric"], second["pairs"], second["change"]) == ("satisfaction", 3, 0.0)
+    assert json.loads(say("compare", "reference", "reference", "--json").stdout)["comparisons"][0] == first
 
 
 def test_a_cost_beside_a_reference_is_information(reference, say):
@@ -93,15 +96,15 @@ def test_a_cost_beside_a_reference_is_information(reference, say):
     assert re.search(r"\(x\d+.*\) \| \(x\d+.*\) \|", done.stdout)
 
 
-def test_worse_is_exit_code_1_and_named(reference, say, monkeypatch):
-    reference()
+@pytest.mark.parametrize(("seeds", "code", "verdict"), [("3", 1, "worse"), ("2", 3, "cannot tell")])
+def test_worse_is_exit_code_1_and_too_few_seeds_are_3(reference, say, monkeypatch, seeds, code, verdict):
+    reference(seeds=seeds)
     # The agent stands still at each start: moving right at every step instead loses 2 m of robustness.
     monkeypatch.setattr(importlib.import_module("toy_plugins.agents").Still, "train", moved_right)
     done = say(*GATE, "--results", "other")
-    assert done.exit_code == 1
-    assert done.stdout.startswith("# stlbench gate: worse\n")
+    assert (done.exit_code, done.stdout.splitlines()[0]) == (code, f"# stlbench gate: {verdict}")
     table = done.stdout.partition("## What is not fine")[2].partition("## All groups")[0]
-    assert "| worse   | toy-line/toy-raw/toy-agent | robustness" in table
+    assert ("| worse   | toy-line/toy-raw/toy-agent | robustness" in table) == (code == 1)
 
 
 def moved_right(self, training):
@@ -128,25 +131,13 @@ def test_a_cell_that_crashes_now_is_worse_with_its_reason(reference, say, method
     monkeypatch.undo()
 
 
-def test_too_few_seeds_are_exit_code_3(reference, say, monkeypatch):
-    reference(seeds="2")
-    monkeypatch.setattr(importlib.import_module("toy_plugins.agents").Still, "train", moved_right)
-    done = say(*GATE, "--results", "other")
-    assert (done.exit_code, done.stdout.splitlines()[0]) == (3, "# stlbench gate: cannot tell")
-
-
-def test_nothing_measured_is_exit_code_4(reference, say):
-    reference("toy-large")
-    assert say(*GATE).exit_code == 4
-
-
 def test_options_choose_from_the_reference(reference, say):
     reference("toy-raw,toy-large")
-    done = say(
-        *GATE, "--methods", "toy-raw", "--seeds", "0,2", "--tasks", "toy-line", "--agents", "toy-agent", "--json"
-    )
+    chosen = ("--seeds", "0,2", "--tasks", "toy-line", "--agents", "toy-agent", "--json")
+    done = say(*GATE, "--methods", "toy-raw", *chosen)
     found = json.loads(done.stdout)
     assert (done.exit_code, found["base"]["cells"], found["new"]["cells"]) == (0, 2, 2)
+    assert say(*GATE, "--methods", "toy-large").exit_code == 4  # nothing is measured
 
 
 def test_ctrl_c_keeps_what_is_done(reference, say, monkeypatch):
@@ -177,18 +168,6 @@ def test_compare_misses_cells(reference, say):
     more = say("compare", "results", "reference")
     assert more.exit_code == 0
     assert "- Cells of the new snapshot alone, which were not compared: 1." in more.stdout
-
-
-def test_compare_as_json(reference, say):
-    reference()
-    done = say("compare", "reference", "reference", "--json")
-    assert done.exit_code == 0
-    first = json.loads(done.stdout)["comparisons"][0]
-    assert first == {
-        "task": "toy-line", "method": "toy-raw", "agent": "toy-agent", "budget": "quick", "track": "shared",
-        "metric": "robustness", "pairs": 3, "base": first["base"], "new": first["base"],
-        "change": 0.0, "low": 0.0, "high": 0.0, "tolerated": -0.05, "p_value": 1.0, "verdict": "no worse",
-    }  # fmt: skip
 
 
 def test_bad_input_exits_2_with_one_line(reference, say):

@@ -12,32 +12,25 @@ from typer.testing import Result
 from stlbench.registry import plugins
 
 
-def entry(done, name):
-    return next(entry for entry in json.loads(done.stdout) if entry["name"] == name)
-
-
-def test_methods_with_their_distribution_and_parameters(say, toy):
+def test_methods_with_their_distribution_and_parameters_and_a_broken_plugin_is_a_warning(say, toy):
     done = say("list", "methods", "--json")
     assert done.exit_code == 0
-    assert entry(done, "toy-raw") == {
+    assert next(each for each in json.loads(done.stdout) if each["name"] == "toy-raw") == {
         "name": "toy-raw",
         "distribution": "toy-plugins",
         "version": "1.2",
         "summary": "One minus x.",
         "parameters": {"weight": {"type": "float", "default": 1.0}},
     }
-
-
-def test_a_broken_plugin_is_a_warning_that_names_its_distribution(say, toy):
     done = say("list", "methods")
-    assert done.exit_code == 0
-    assert "toy-raw" in done.stdout
+    assert (done.exit_code, "toy-raw" in done.stdout) == (0, True)
     (line,) = [line for line in done.stderr.splitlines() if "toy-broken" in line]
     assert line.startswith("warning: method 'toy-broken' of toy-plugins 1.2")
 
 
-def test_a_task_in_full(say, toy):
-    found = json.loads(say("show", "task", "toy-line", "--json").stdout)
+def test_a_task_in_full_with_what_each_method_makes_of_it(say, toy):
+    done = say("show", "task", "toy-line", "--json")
+    found = json.loads(done.stdout)
     assert (found["title"], found["source"]) == ("Stay on a line", "made up")
     assert (found["distribution"], found["version"]) == ("toy-plugins", "1.2")
     assert (found["formula"], found["horizon"], found["sampling_time"]) == ("G[0,4] x <= 1", 4, 0.5)
@@ -51,15 +44,10 @@ def test_a_task_in_full(say, toy):
     assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2, "random_starts": 0}
     assert found["protocols"]["end"]["formula"] == "F[4,4] x <= 1"
     assert found["agents"] == {"toy-agent": {"action": 1}}
-
-
-def test_what_each_method_makes_of_the_task(say, toy):
-    done = say("show", "task", "toy-line", "--json")
-    methods = json.loads(done.stdout)["methods"]
-    assert methods["toy-raw"]["weight"] == 1.0
-    assert (methods["toy-raw"]["status"], methods["toy-raw"]["inputs_added"]) == ("suitable", 0)
-    assert methods["toy-large"] == {"status": "intractable", "reason": "needs 6003 inputs, limit 512"}
-    assert "toy-broken" not in methods
+    raw = found["methods"]["toy-raw"]
+    assert (raw["status"], raw["inputs_added"], raw["weight"]) == ("suitable", 0, 1.0)
+    assert found["methods"]["toy-large"] == {"status": "intractable", "reason": "needs 6003 inputs, limit 512"}
+    assert "toy-broken" not in found["methods"]
     assert "toy-broken" in done.stderr
 
 
@@ -95,34 +83,27 @@ def test_what_policies_see(say, toy):
     assert any(line.startswith("seen:     features; beyond the state: which goal counts; distance") for line in lines)
 
 
-def test_what_its_controller_gets(say, down):
-    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["controller"]
-    mean, share, least = (found[name] for name in ("robustness_mean", "satisfaction", "robustness_min"))
-    assert (share, 0.1 <= least < mean < 2) == (1, True)  # 1 - x_0 with x_0 in [-1, 0.9]
-    line = f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied 100.0 %"
-    assert line in say("show", "task", "toy-line").stdout.splitlines()
-
-
-def test_what_baselines_get(say, toy):
-    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["baselines"]
-    assert set(found) == {"trivial", "zero", "constant", "random"}
-    assert found["trivial"]  # 1 - x_0 with x_0 in [-1, 0.9], by standing still
-    lines = say("show", "task", "toy-line").stdout.splitlines()
-    zero = found["zero"]
-    assert (zero["satisfaction"], zero["robustness_mean"]) == (1, pytest.approx(found["constant"]["robustness_mean"]))
-    assert f"zero:     robustness {zero['robustness_mean']:.3f}, satisfied 100.0 %" in lines
-    assert "trivial:  a constant action solves the task" in lines
-
-
-def test_what_is_best_known(say, toy):
+def test_what_its_controller_and_baselines_get_and_what_is_best_known(say, toy, down):
     path = toy / "toy_plugins/line/task.yaml"
-    best = "best_known: {robustness: 1.05, how: a plan, upper_bound: 1.25, why: nobody goes faster}\n"
+    best = {"robustness": 1.05, "how": "a plan", "upper_bound": 1.25, "why": "nobody goes faster"}
     assert "best:" not in say("show", "task", "toy-line").stdout
-    path.write_text(path.read_text() + best)
-    line = "robustness 1.05 is known, by a plan; at most 1.25, as nobody goes faster"
-    assert f"best:     {line}" in say("show", "task", "toy-line").stdout.splitlines()
-    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["best_known"]
-    assert found == {"robustness": 1.05, "how": "a plan", "upper_bound": 1.25, "why": "nobody goes faster"}
+    path.write_text(f"{path.read_text()}best_known: {json.dumps(best)}\n")
+    task = json.loads(say("show", "task", "toy-line", "--json").stdout)
+    found, baselines = task["controller"], task["baselines"]
+    mean, share, least = (found[name] for name in ("robustness_mean", "satisfaction", "robustness_min"))
+    assert (share, 0.1 <= least < mean < 2) == (1, True)  # 1 - x_0 with x_0 in [-1, 0.9], also by standing still
+    assert set(baselines) == {"trivial", "zero", "constant", "random"}
+    zero, constant = baselines["zero"], baselines["constant"]
+    assert (zero["satisfaction"], zero["robustness_mean"]) == (1, pytest.approx(constant["robustness_mean"]))
+    assert (baselines["trivial"], task["best_known"]) == (True, best)
+    lines = say("show", "task", "toy-line").stdout.splitlines()
+    for line in (
+        f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied 100.0 %",
+        f"zero:     robustness {zero['robustness_mean']:.3f}, satisfied 100.0 %",
+        "trivial:  a constant action solves the task",
+        "best:     robustness 1.05 is known, by a plan; at most 1.25, as nobody goes faster",
+    ):
+        assert line in lines
 
 
 def test_a_controller_that_fails_is_a_warning(say, steer):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from helpers.refusals import refused
@@ -73,17 +72,6 @@ def test_render_writes_a_film_of_the_cell(ran, say, drawn):
     with Image.open(done.stdout.strip()) as image:
         assert image.format == "GIF"
         assert image.n_frames > 1
-
-
-def test_the_states_of_the_best_and_the_worst_start_are_saved(ran):
-    """v = 0 throughout, so the robustness of G[0,4] (x <= 1) is 1 - x_0, and the states are the signals."""
-    path = sorted(Path("results/traces").iterdir())[0]
-    with np.load(path) as saved:
-        traces, extremes, states = saved["traces"], saved["extremes"], saved["states"]
-    begin = traces[:, 0, 0]
-    assert extremes.tolist() == [np.argmin(begin), np.argmax(begin)]
-    assert states.shape == (2, 5, 1)
-    assert np.array_equal(states, traces[extremes])
 
 
 def test_a_cell_whose_traces_are_gone(ran, say):

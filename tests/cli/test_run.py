@@ -34,34 +34,34 @@ def cells():
         return [(row["method"], row["seed"], row["status"]) for row in csv.DictReader(file)]
 
 
-def test_runs_every_cell_and_prints_both_tables(run):
-    done = run("toy-raw,toy-raw[weight=2]")
+def test_runs_every_cell_prints_both_tables_and_says_how_each_cell_ended(run):
+    done = run("toy-raw,toy-large,toy-raw[weight=2]")
     assert done.exit_code == 0
     assert "Robustness: task toy-line, agent toy-agent, budget quick" in done.stdout
     assert "Time: task toy-line, agent toy-agent, budget quick" in done.stdout
-    assert cells() == [(method, seed, "done") for method in ("toy-raw", "toy-raw[weight=2]") for seed in "01"]
+    large, *others = ("toy-large", "intractable"), ("toy-raw", "done"), ("toy-raw[weight=2]", "done")
+    assert cells() == [(method, seed, status) for method, status in (large, *others) for seed in "01"]
+    lines = done.stderr.splitlines()
+    assert (lines[0], len(lines)) == ("6 cells", 7)
+    assert lines[1].startswith("[1/6] toy-line/toy-raw/toy-agent/0 done: robustness 1.")
+    assert lines[2] == "[2/6] toy-line/toy-large/toy-agent/0 intractable: needs 6003 inputs, limit 512"
 
 
-def test_says_how_each_cell_ended(run):
-    lines = run("toy-raw,toy-large").stderr.splitlines()
-    assert lines[0] == "4 cells"
-    assert len(lines) == 5
-    assert lines[1].startswith("[1/4] toy-line/toy-raw/toy-agent/0 done: robustness 1.")
-    assert lines[2] == "[2/4] toy-line/toy-large/toy-agent/0 intractable: needs 6003 inputs, limit 512"
-
-
-def test_the_same_words_run_nothing_and_repeat_the_tables(run, monkeypatch):
+def test_the_same_words_run_nothing_and_the_files_have_all_cells_where_the_screen_has_those_of_the_command(
+    run, say, monkeypatch
+):
     first = run("toy-raw")
+    shown = run("toy-large").stdout
+    assert "toy-raw" not in shown
+    assert {method for method, _, _ in cells()} == {"toy-large", "toy-raw"}
+    report = Path("results/report.md").read_text()
+    assert "| toy-raw" in report
+    assert say("report", "results").exit_code == 0
+    assert Path("results/report.md").read_text() == report
     monkeypatch.setattr("stlbench.study.trial.run_cell", lambda *_: pytest.fail("ran a cell again"))
     again = run("toy-raw")
-    assert again.exit_code == 0
-    assert again.stderr == "2 cells, 2 of them done before\n"
+    assert (again.exit_code, again.stderr) == (0, "2 cells, 2 of them done before\n")
     assert again.stdout == first.stdout
-
-
-def test_more_seeds_run_only_what_is_missing(run, ran):
-    assert run("toy-raw", "--seeds", "0-2,5").stderr.splitlines()[0] == "4 cells, 2 of them done before"
-    assert [seed for _, seed, _ in cells()] == ["0", "1", "2", "5"]
 
 
 @pytest.mark.slow
@@ -78,33 +78,18 @@ def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
     assert not (HEAVY - {"scipy"}) & packages  # intervals need SciPy
 
 
-def test_the_files_have_all_cells_and_the_screen_those_of_this_command(run, say):
-    run("toy-raw")
-    shown = run("toy-large").stdout
-    assert "toy-raw" not in shown
-    assert {method for method, _, _ in cells()} == {"toy-large", "toy-raw"}
-    report = Path("results/report.md").read_text()
-    assert "| toy-raw" in report
-    assert say("report", "results").exit_code == 0
-    assert Path("results/report.md").read_text() == report
-
-
-def test_an_accident_is_a_row_and_exit_code_1(run):
+def test_an_accident_is_a_row_and_exit_code_1_and_runs_again_where_that_is_asked_for(run, monkeypatch):
     done = run("toy-wrong,toy-raw")
     assert done.exit_code == 1
     assert "Cells without a result" in done.stdout
     assert "ValueError: no [such] luck" in done.stdout
     assert cells() == [*(("toy-raw", seed, "done") for seed in "01"), *(("toy-wrong", seed, "raised") for seed in "01")]
     assert run("toy-wrong,toy-raw").stderr == "4 cells, 4 of them done before\n"
-
-
-def test_retry_runs_accidents_again(run, monkeypatch):
-    run("toy-wrong,toy-raw")
     module = importlib.import_module("toy_plugins.methods")
     monkeypatch.setattr(module.Wrong, "along", module.Raw.along)
-    done = run("toy-wrong,toy-raw", "--retry", "failed")
+    done = run("toy-wrong,toy-raw", "--retry", "failed", "--seeds", "0-2")
     assert done.exit_code == 0
-    assert done.stderr.splitlines()[0] == "4 cells, 2 of them done before"
+    assert done.stderr.splitlines()[0] == "6 cells, 2 of them done before"
     assert {status for _, _, status in cells()} == {"done"}
 
 

@@ -64,13 +64,6 @@ def robustness(name):
 
 
 class TestOutside:
-    def test_a_function_of_observations(self, say, mine):
-        done = say("score", "toy-line", "zz_functions:down")
-        assert done.exit_code == 0
-        assert robustness("toy-line/unknown/zz-functions-down/0/outside") == pytest.approx(1 - begun())
-        assert "zz-functions-down on toy-line: zz_functions:down (sha256 " in done.stdout
-        assert "not trained by stlbench: its budget is unknown" in done.stdout
-
     def test_what_it_is_shown_and_what_was_moved_is_said(self, say, mine):
         Path("zz_functions.py").write_text(MINE + "def off(state, t): return np.full((len(state), 1), 0.75)\n")
         done = say("score", "toy-line", "zz_functions:down", "--name", "down")
@@ -88,7 +81,12 @@ class TestOutside:
         assert done.stderr.splitlines()[-1].startswith("in place of another policy") or not done.stderr
         assert robustness("toy-line/unknown/zz-functions-off/0/outside") == pytest.approx(-0.5 - begun())
 
-    def test_a_function_of_states(self, say, mine):
+    def test_a_function_of_states_or_observations(self, say, mine):
+        done = say("score", "toy-line", "zz_functions:down")
+        assert done.exit_code == 0
+        assert robustness("toy-line/unknown/zz-functions-down/0/outside") == pytest.approx(1 - begun())
+        assert "zz-functions-down on toy-line: zz_functions:down (sha256 " in done.stdout
+        assert "not trained by stlbench: its budget is unknown" in done.stdout
         done = say("score", "toy-line", "zz_functions:up", "--on", "state", "--name", "mine", "--seed", 2, "--json")
         content = json.loads(done.stdout)
         assert content["name"] == "toy-line/unknown/mine/2/outside"

@@ -51,17 +51,13 @@ def test_damage_is_named_and_repaired(folder):
         f"{folder}/: 3 rows, 0 files as they were recorded: 1 with damage",
         "--repair marks the cells, and the `stlbench run` that measured them measures them again",
     ]
+    found = json.loads(say(folder, "--json").stdout)
+    assert (found["whole"], found["rows"], found["repaired"]) == (False, 3, False)
+    assert [(one["cell"], one["what"]) for one in found["damages"]] == [("hold-disc/funnel/dqn/1 quick", "row")]
     done = say(folder, "--repair")
     assert done.exit_code == 0
     assert "repaired: the `stlbench run` that measured them measures them again" in done.stdout
     assert "1 cell is marked, for the next `stlbench run` to measure again" in say(folder).stdout
-
-
-def test_as_json(folder):
-    damage(folder)
-    found = json.loads(say(folder, "--json").stdout)
-    assert (found["whole"], found["rows"], found["repaired"]) == (False, 3, False)
-    assert [(one["cell"], one["what"]) for one in found["damages"]] == [("hold-disc/funnel/dqn/1 quick", "row")]
 
 
 def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
@@ -103,16 +99,13 @@ def test_verify_scores_a_bundle_again(say, ran) -> None:
 
 
 def test_verify_names_what_is_wrong_with_a_bundle(say, ran) -> None:
+    """Of one whose results were changed it says no more than that."""
     say("bundle", "results", "mine.zip")
     changed(Path("mine.zip"), Path("other.zip"), {"report.md": b"better"})
     done = say("verify", "other.zip", "--rescore")
     assert done.exit_code == 1
     assert done.stdout.startswith("report.md: 6 bytes, and ro-crate-metadata.json says ")
     assert done.stdout.endswith("other.zip: 2 cells, policies of 2: not what it says\n")
-
-
-def test_verify_of_a_bundle_whose_results_were_changed_says_no_more_than_that(say, ran) -> None:
-    say("bundle", "results", "mine.zip")
     with ZipFile("mine.zip") as archive:
         lines = archive.read("cells.jsonl")
     changed(Path("mine.zip"), Path("other.zip"), {"cells.jsonl": lines.replace(b"0", b"1", 1)})
