@@ -19,21 +19,19 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 def test_it_writes_all_files_and_names_them_and_the_report_has_all_tables(tmp_path):
+    """The same results give the same files, in whatever order they come."""
     folder = tmp_path / "new" / "folder"
     paths = write(condense(RESULTS), SCORES, folder)
     assert all(path.is_file() for path in paths)
     names = [f"{name}.{end}" for name in ("robustness", "comparisons", "controllers", "time") for end in ("csv", "tex")]
     assert [path.name for path in paths][:10] == ["report.md", *names, "cells.csv"]
     headings = [line for line in (folder / "report.md").read_text().splitlines() if line.startswith("#")]
-    tables = (
-        "Robustness",
-        "Comparisons",
-        "Controllers and baselines",
-        "Time",
-        "Cells without a result",
-        "Circumstances",
-    )
+    tables = ("Robustness", "Comparisons", "Controllers and baselines", "Time")
+    tables += ("Cells without a result", "Circumstances")
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
+    write(condense(reversed(RESULTS)), SCORES, tmp_path / "other")
+    for path in paths[:10]:
+        assert path.read_text() == (tmp_path / "other" / path.name).read_text()
 
 
 def test_cells_csv_has_one_row_per_cell(tmp_path):
@@ -87,12 +85,3 @@ def test_a_folder_of_plans_alone_has_a_report(tmp_path):
     }
     headings = [line for line in (tmp_path / "report.md").read_text().splitlines() if line.startswith("#")]
     assert headings == ["# stlbench report", "## Alignment", "## Circumstances"]
-
-
-def test_the_same_results_give_the_same_files(tmp_path):
-    write(condense(RESULTS), SCORES, tmp_path / "a")
-    write(condense(reversed(RESULTS)), SCORES, tmp_path / "b")
-    texts = [path.name for path in (tmp_path / "a").glob("*.*")]
-    assert len(texts) == 10
-    for name in texts:
-        assert (tmp_path / "a" / name).read_text() == (tmp_path / "b" / name).read_text()

@@ -59,19 +59,15 @@ def test_pace(steps, dt, count, speed):
     assert len(set(found.samples.tolist())) == count
 
 
-def test_the_best_start_is_on_the_left_and_the_worst_on_the_right():
-    figure = film.scene(task(), RECORDING, ROBUSTNESS).figure
+def test_the_best_start_is_on_the_left_and_the_worst_on_the_right_and_signals_grow_with_time():
+    figure, update, _, remark = film.scene(task(), RECORDING, ROBUSTNESS)
     left, right = figure.axes
     assert left.get_title() == "best start: robustness 2"
     assert right.get_title() == "worst start: robustness -1.25"
     assert list(left.lines[0].get_ydata()) == list(range(9, 18))
     assert list(right.lines[0].get_ydata()) == list(range(18, 27))
-
-
-def test_signals_grow_with_time():
-    figure, update, _, remark = film.scene(task(), RECORDING, ROBUSTNESS)
     update(2)
-    line_, head = figure.axes[0].lines
+    line_, head = left.lines
     assert (list(line_.get_xdata()), list(line_.get_ydata())) == ([0, 1, 2], [9, 10, 11])
     assert (list(head.get_xdata()), list(head.get_ydata())) == ([2], [11])
     assert remark == ""
@@ -224,13 +220,10 @@ def test_ffmpeg_is_given_every_byte_and_even_sizes(ffmpeg, tmp_path):
     assert words[words.index("-r") + 1] == "12.5"
 
 
-def test_what_ffmpeg_says_is_one_line(ffmpeg, tmp_path):
+def test_what_ffmpeg_says_is_one_line_and_without_it_mp4_is_refused(ffmpeg, tmp_path, monkeypatch):
     ffmpeg("cat > /dev/null; echo no such >&2; echo encoder >&2; exit 3")
     with pytest.raises(UsageError, match=r"^ffmpeg could not write .*a\.mp4: no such encoder$"):
         film.write_video([picture(0)], tmp_path / "a.mp4")
-
-
-def test_without_ffmpeg_mp4_is_refused(monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(UsageError, match="mp4 needs the program ffmpeg"):
         film.ffmpeg()

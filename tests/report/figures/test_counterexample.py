@@ -19,16 +19,12 @@ def drawn(formula: str = "G[0,4] (x <= 1)", trace: np.ndarray = TRACE) -> Figure
     return counterexample(task, trace, stl.witness(task.formula, trace, task.signals), "why")
 
 
-def test_the_signal_and_the_step_that_decides() -> None:
+def test_the_signal_the_margin_and_the_step_that_decides() -> None:
     signal, margin = drawn().axes
     assert TRACE[:, 0].tolist() in [list(entry.get_ydata()) for entry in signal.lines]
     marks = [entry for entry in signal.lines if entry.get_color() == MARK and entry.get_marker() == "o"]
     assert [(*entry.get_xdata(), *entry.get_ydata()) for entry in marks] == [(4, 2)]
     assert margin.get_title(loc="left") == "margin of x <= 1"
-
-
-def test_the_margin_and_by_how_much() -> None:
-    margin = drawn().axes[-1]
     assert (1 - TRACE[:, 0]).tolist() in [list(entry.get_ydata()) for entry in margin.lines]
     assert [entry.get_text() for entry in margin.texts] == ["-1 at step 4 (2 s)"]
     assert margin.get_ylabel() == "margin\n[m]"

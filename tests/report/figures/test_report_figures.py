@@ -44,25 +44,24 @@ def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path: Path) -> None:
-    results = [result(f"method-{i:02}", curve=CURVE) for i in range(ROWS_PER_FIGURE + 1)]
-    names = {path.stem for path in draw_figures(condense(results), tmp_path)}
-    learning = {"learning-hold-disc", *(f"learning-hold-disc_{i}" for i in range(2, 5))}
-    assert names == {"robustness-hold-disc", "robustness-hold-disc_2", *learning}  # 7 colours for 25 groups
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_each_track_has_its_learning_curves(tmp_path: Path) -> None:
-    results = [result(method, track=track) for method in ("funnel", "raw") for track in ("shared", "plain")]
-    names = {path.stem for path in draw_figures(condense(results), tmp_path)}
-    assert names == {"robustness-hold-disc", "learning-hold-disc", "learning-hold-disc-plain"}
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_results_without_checkpoints_have_no_learning_curves(tmp_path: Path) -> None:
-    groups = condense([result(curve=())])
-    names = {path.name for path in draw_figures(groups, tmp_path)}
-    assert names == {f"robustness-hold-disc.{end}" for end in ("png", "svg", "pdf")}
+@pytest.mark.parametrize(
+    ("results", "names"),
+    [
+        (  # 7 colours for 25 groups
+            [result(f"method-{i:02}", curve=CURVE) for i in range(ROWS_PER_FIGURE + 1)],
+            {"robustness-hold-disc", "robustness-hold-disc_2"}
+            | {f"learning-hold-disc{end}" for end in ("", "_2", "_3", "_4")},
+        ),
+        (
+            [result(method, track=track) for method in ("funnel", "raw") for track in ("shared", "plain")],
+            {"robustness-hold-disc", "learning-hold-disc", "learning-hold-disc-plain"},
+        ),
+        ([result(curve=())], {"robustness-hold-disc"}),
+    ],
+    ids=["more than one figure holds", "each track has learning curves", "without checkpoints there are none"],
+)
+def test_names_of_figures(tmp_path: Path, results: Sequence[Result], names: set[str]) -> None:
+    assert {path.stem for path in draw_figures(condense(results), tmp_path)} == names
 
 
 def test_a_report_names_the_unit_of_the_task() -> None:

@@ -83,25 +83,22 @@ def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run,
     assert [[str(group.setting.method) for group in groups] for groups in shown] == [["funnel"]]
 
 
-def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
-    names = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1))
-    assert "time-hold-disc-funnel-dqn-quick.png" in names
+def test_a_seed_without_traces_is_said_and_a_method_that_is_gone_has_no_bounds_but_its_traces(run):
+    gone = run.save(synthetic_results.result("gone[beta=2]"))
+    names = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1), gone)
+    assert {"time-hold-disc-funnel-dqn-quick.png", "time-hold-disc-gone[beta=2]-dqn-quick.png"} < names
     (line,) = run.warnings
     assert line.startswith("hold-disc/funnel/dqn/1 has no traces at ")
 
 
 def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run):
+    """And without a plane there is no overview."""
     cells = [run.save(synthetic_results.result(task=task)) for task in ("cartpole", "hold-disc")]
+    usual = files("learning-cartpole", *(f"{kind}-cartpole-funnel-dqn-quick" for kind in ("time", "trajectories")))
+    assert run.draw(cells[0]) == usual
     names = run.draw(*cells, kinds=trace_figures.KINDS)
-    form = files("rewarded-cartpole-funnel-dqn-quick")
-    assert {name for name in names if name.startswith("rewarded")} == form
-    assert files("time-cartpole-funnel-dqn-quick") <= names
-
-
-def test_without_being_asked_there_is_no_rewarded_form_and_without_a_plane_no_overview(run):
-    kinds = ("time", "trajectories")
-    expected = files("learning-cartpole", *(f"{kind}-cartpole-funnel-dqn-quick" for kind in kinds))
-    assert run.draw(run.save(synthetic_results.result(task="cartpole"))) == expected
+    assert {name for name in names if name.startswith("rewarded")} == files("rewarded-cartpole-funnel-dqn-quick")
+    assert usual <= names
 
 
 def test_all_failed(run):
@@ -110,11 +107,6 @@ def test_all_failed(run):
         == set()
     )
     assert run.warnings == []
-
-
-def test_a_method_that_is_gone_has_no_bounds_but_its_traces(run):
-    names = run.draw(run.save(synthetic_results.result("gone[beta=2]")))
-    assert "time-hold-disc-gone[beta=2]-dqn-quick.png" in names
 
 
 def test_a_folder_without_any_traces_is_one_warning(run):

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from stlbench.errors import UsageError
 from stlbench.report.figures.regions import region
 from stlbench.report.figures.style import TRACE, term_style
-from stlbench.report.figures.trajectories import trajectories
+from stlbench.report.figures.trajectories import Plan, planned, trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
 
@@ -105,22 +105,17 @@ class TestPlane:
         assert set(zip(start.get_xdata(), start.get_ydata(), strict=True)) == {(2.0, 2.0)}
         assert np.hypot(end.get_xdata() - 2, end.get_ydata() - 2) == pytest.approx(np.ones(16))
 
-    def test_the_region_is_the_disc_and_units_are_on_the_axes(self):
+    def test_the_region_is_the_disc_and_the_picture_shows_it_and_the_traces_and_little_more(self):
         contour = [entry for entry in self.axes.collections if not isinstance(entry, LineCollection)][-1]
         vertices = np.concatenate([path.vertices for path in contour.get_paths()])
         assert np.hypot(*(vertices - 2).T) == pytest.approx(np.ones(len(vertices)), abs=0.002)
         assert (self.axes.get_xlabel(), self.axes.get_ylabel()) == ("x [m]", "y [m]")
         assert self.axes.get_aspect() == 1
         assert self.figure.axes[1].get_ylabel() == "time [steps of 0.01 s]"
-
-    def test_the_legend_says_which_region_belongs_to_which_term(self):
+        for low, high in (self.axes.get_xlim(), self.axes.get_ylim()):
+            assert 0.8 < low < 1 < 3 < high < 3.2
         texts = [text.get_text() for text in self.figure.legends[0].get_texts()]
         assert texts == ["G[0,200] norm(x - 2, y - 2) <= 1", "start", "end"]
-
-    def test_the_picture_shows_the_region_and_the_traces_and_little_more(self):
-        (left, right), (bottom, top) = self.axes.get_xlim(), self.axes.get_ylim()
-        assert 0.8 < left < 1 < 3 < right < 3.2
-        assert 0.8 < bottom < 1 < 3 < top < 3.2
 
 
 LEAVES = [[0, 1, 9, 12, 12, 9, 1, 0, 0], [0] * 9]
@@ -128,18 +123,14 @@ LEAVES = [[0, 1, 9, 12, 12, 9, 1, 0, 0], [0] * 9]
 PLANE = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xy"}
 
 
-class TestLeaving:
-    def figure(self, x):
-        x = np.array(x, dtype=float)
-        task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1")
-        return trajectories(task, Recording(np.stack([x, x / 2], axis=-1), seeds=1), "line")
-
-    def test_a_trace_that_is_clipped_is_marked_where_it_leaves_and_counted(self):
-        figure = self.figure(LEAVES)
-        (mark,) = [entry for entry in figure.axes[0].lines if entry.get_marker() == "X"]
-        assert (list(mark.get_xdata()), list(mark.get_ydata())) == ([10], [6])
-        assert "leaves the picture here: 1 of 2 traces" in [text.get_text() for text in figure.legends[0].get_texts()]
-        assert figure.axes[0].get_xlim()[1] == 10
+def test_a_trace_that_is_clipped_is_marked_where_it_leaves_and_counted():
+    x = np.array(LEAVES, dtype=float)
+    task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1")
+    figure = trajectories(task, Recording(np.stack([x, x / 2], axis=-1), seeds=1), "line")
+    (mark,) = [entry for entry in figure.axes[0].lines if entry.get_marker() == "X"]
+    assert (list(mark.get_xdata()), list(mark.get_ydata())) == ([10], [6])
+    assert "leaves the picture here: 1 of 2 traces" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert figure.axes[0].get_xlim()[1] == 10
 
 
 def test_signals_against_time_are_never_clipped():
@@ -214,3 +205,22 @@ class TestSignals:
         boxes = [entry for entry in axes.patches if isinstance(entry, Rectangle)][1::2]  # after the shaded steps
         found = [(each.get_x(), each.get_width(), each.get_y(), each.get_height()) for each in boxes]
         assert found == [pytest.approx((0, 4, 0, 1), abs=0.01), pytest.approx((1, 3, 3, 1), abs=0.01)]
+
+
+def straight(end, signals):
+    """One trace of a straight way from 0 to an end, in all signals alike."""
+    return np.linspace(0, end, 9)[None, :, None] * np.ones(signals)
+
+
+def test_plans_have_a_panel_each_in_one_view_of_the_plane_and_else_signals_against_time_with_equal_ranges():
+    task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1")
+    first, second, _ = planned(task, [Plan("a", 0.25, 1.0, straight(4, 2)), Plan("b", -3.0, 0.5, straight(8, 2))]).axes
+    assert first.get_title() == "a\nrobustness 0.25, satisfies from 100 %"
+    assert second.get_title() == "b\nrobustness -3, satisfies from 50 %"
+    assert first.get_xlim() == second.get_xlim()
+    assert second.get_xlim()[1] > 8
+    plans = [Plan(name, 0.0, 0.0, straight(end, 1)) for name, end in zip("abcd", (1, 2, 3, 9), strict=True)]
+    shown = [axes for axes in planned(line(formula="G[0,4] x <= 1"), plans).axes if axes.get_visible()]
+    assert [axes.get_title().partition("\n")[0] for axes in shown] == list("abcd")
+    assert len({axes.get_ylim() for axes in shown}) == 1
+    assert [max(float(line.get_ydata()[-1]) for line in axes.lines) for axes in shown] == [1, 2, 3, 9]

@@ -187,11 +187,9 @@ def test_what_all_rows_share_goes_into_the_title():
     assert other == "Robustness: agent dqn, budget quick, track shared"
 
 
-def test_reasons_are_printed_as_they_are():
-    text = " ".join(screen(summary(condense(RESULTS), {})[-1], 120).split())
+def test_reasons_are_printed_as_they_are_and_stand_below_the_table():
+    tables = summary(condense(RESULTS), {})
+    text = " ".join(screen(tables[-1], 120).split())
     assert "hold-disc/mine/dqn/0 quick raised ValueError: [bold]no[/bold] :smile:" in text
-
-
-def test_reasons_stand_below_the_table():
-    text = screen(summary(condense(RESULTS), {})[0], 120)
-    assert "remarks: hold-disc/tau-mdp/dqn/quick/shared: intractable: needs 6003 inputs, limit 512" in text.splitlines()
+    remark = "remarks: hold-disc/tau-mdp/dqn/quick/shared: intractable: needs 6003 inputs, limit 512"
+    assert remark in screen(tables[0], 120).splitlines()

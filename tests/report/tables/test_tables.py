@@ -138,11 +138,14 @@ def test_the_conjunct_that_failed_first_most_often_is_counted_over_seeds():
     assert cell(table, "failed first", 1) == FirstFailed("F[0,2] b > 0", 5, 8)
 
 
-def test_groups_are_told_apart_by_task_method_agent_and_budget():
+def test_groups_are_told_apart_by_task_method_agent_and_budget_and_can_be_narrowed_down_to_some_cells():
     results = [result(), result(task="other"), result("flag"), result(agent="sb3-dqn"), result(budget="paper")]
     table = robustness_table(condense(results), Known())
     assert len(table.rows) == 5
     assert all(cell(table, "seeds", row) == Seeds(1, 1) for row in range(5))
+    more = [*results, result(seed=1)]
+    (group,) = only(condense(more), {more[-1].id})
+    assert [row.id for row in group.rows] == [more[-1].id]
 
 
 def test_planned_cells_without_a_result_are_rows_and_count_as_seeds():
@@ -151,12 +154,6 @@ def test_planned_cells_without_a_result_are_rows_and_count_as_seeds():
     assert [cell(table, "seeds", row) for row in (0, 1)] == [Seeds(3, 5, "2 not run"), Seeds(0, 1, "1 not run")]
     assert cell(table, "mean robustness") == pytest.approx(0.35)
     assert (cell(table, "mean robustness", 1), cell(table, "remarks", 1)) == (None, None)
-
-
-def test_groups_can_be_narrowed_down_to_some_cells():
-    results = [result(seed=0), result(seed=1), result("raw")]
-    (group,) = only(condense(results), {results[1].id})
-    assert [row.id for row in group.rows] == [results[1].id]
 
 
 def test_a_group_without_any_result_stays_with_its_reason():
