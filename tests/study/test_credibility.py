@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.synthetic_results import result, score
+from helpers.synthetic_results import result
 
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, RANDOM, Measurement, Result, Score, Summary
@@ -40,9 +40,12 @@ def measured(found: Result) -> Measurement:
     return found.measurement
 
 
-def test_an_honest_cell_is_believed(cell: Cell, honest: tuple[Result, Path]) -> None:
+def test_an_honest_cell_is_believed_and_one_without_a_measurement_says_nothing(
+    cell: Cell, honest: tuple[Result, Path]
+) -> None:
     found, folder = honest
     assert contradiction(cell, found, folder, measured(found).wall_seconds) is None
+    assert contradiction(cell, result(status="unsuitable"), folder) is None
     with Examiner([cell], folder) as examined:
         assert examined(cell, found, 60) is found
 
@@ -122,8 +125,3 @@ def test_what_is_recorded_in_the_reference_could_all_be() -> None:
     folder = Path(__file__).parents[2] / "results" / "reference"
     found = [problem for each in Results.load(folder) if each.measurement for problem in _of_scores(each.measurement)]
     assert found == []
-
-
-def test_a_result_without_a_measurement_says_nothing(cell: Cell, tmp_path: Path) -> None:
-    assert contradiction(cell, result(status="unsuitable"), tmp_path) is None
-    assert score((0.1,)).satisfied == (True,)

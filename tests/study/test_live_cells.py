@@ -22,14 +22,16 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return seconds
 
 
-def test_a_cell_is_among_those_that_run_while_it_does(tmp_path: Path, clock: list[float]) -> None:
+def test_a_cell_is_among_those_that_run_while_it_does_with_its_curve_so_far(tmp_path: Path, clock: list[float]) -> None:
     notice = announce(tmp_path, CELL, 4000)
     (found,) = running(tmp_path)
     assert (found.id, found.steps, found.share, found.began) == (CELL, 0, 0.0, 1000.0)
-    clock[0] = 1060.0
-    notice.at(1000, lambda: (0.5, -0.25))
+    for steps, mean in ((1000, -0.25), (2000, 0.5)):
+        clock[0] += 60.0
+        notice.at(steps, lambda mean=mean: (0.5, mean))
     (found,) = running(tmp_path)
-    assert (found.share, found.told, found.satisfaction, found.robustness) == (0.25, 1060.0, 0.5, -0.25)
+    assert (found.share, found.told, found.satisfaction, found.robustness) == (0.5, 1120.0, 0.5, 0.5)
+    assert found.curve == ((1000, 0.5, -0.25), (2000, 0.5, 0.5))
     ended(tmp_path, CELL)
     assert running(tmp_path) == []
 
@@ -66,10 +68,18 @@ def test_a_score_that_raises_is_none(tmp_path: Path, clock: list[float]) -> None
     assert running(tmp_path)[0].steps == 1000
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"name": 3}', json.dumps({"name": "no cell", "budget": "quick"})])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "[]", "{", '{"name": 3}', json.dumps({"name": "no cell", "budget": "quick"})),
+        *('"curve": "x"', '"curve": [[1]]', '"curve": [[1, "a", 2]]', '"curve": 3'),
+    ],
+)
 def test_files_that_say_nothing_are_passed_over(tmp_path: Path, text: str) -> None:
-    (tmp_path / FOLDER).mkdir()
-    (tmp_path / FOLDER / "x.json").write_text(text)
+    announce(tmp_path, CELL, 4000)
+    (path,) = (tmp_path / FOLDER).iterdir()
+    whole = json.loads(path.read_text())
+    path.write_text(json.dumps(whole | json.loads(f"{{{text}}}")) if text.startswith('"curve"') else text)
     assert running(tmp_path) == []
     clear(tmp_path)
     assert not (tmp_path / FOLDER).exists()
@@ -79,20 +89,3 @@ def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     announce(None, CELL, 4000).at(1000, lambda: pytest.fail("scored for nobody"))
     assert not any(tmp_path.iterdir())
-
-
-def test_the_curve_so_far_is_kept(tmp_path: Path, clock: list[float]) -> None:
-    notice = announce(tmp_path, CELL, 4000)
-    for steps, mean in ((1000, -1.0), (2000, 0.5)):
-        clock[0] += 60.0
-        notice.at(steps, lambda mean=mean: (0.5, mean))
-    (found,) = running(tmp_path)
-    assert found.curve == ((1000, 0.5, -1.0), (2000, 0.5, 0.5))
-
-
-@pytest.mark.parametrize("curve", ["x", [[1]], [[1, "a", 2]], 3])
-def test_a_cell_whose_curve_is_none_is_passed_over(tmp_path: Path, clock: list[float], curve: object) -> None:
-    announce(tmp_path, CELL, 4000)
-    (path,) = (tmp_path / FOLDER).iterdir()
-    path.write_text(json.dumps({**json.loads(path.read_text()), "curve": curve}))
-    assert running(tmp_path) == []

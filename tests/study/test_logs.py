@@ -13,7 +13,7 @@ from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
-from stlbench.registry.choices import Choice, parse_choice
+from stlbench.registry.choices import parse_choice
 from stlbench.study import live_cells, logs
 from stlbench.study.live_cells import announce
 from stlbench.study.logs import Logged, build_logs, logged
@@ -143,17 +143,12 @@ def test_what_a_log_is_told_of_a_cell() -> None:
     assert (lost.status, lost.reason, lost.numbers, lost.curve) == ("raised", "ValueError: no", {}, ())
 
 
-def test_an_unknown_log_is_one_line() -> None:
-    with pytest.raises(UsageError, match="no log 'tensorbord'; did you mean 'tensorboard'"):
-        build_logs([Choice("tensorbord")])
-    with pytest.raises(UsageError, match="mode"):
-        build_logs([parse_choice("wandb[mode=never]")])
-
-
-def test_a_study_names_its_logs(tmp_path: Path) -> None:
+def test_a_study_names_its_logs_and_an_unknown_one_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text('tasks: hold-disc\nmethods: raw\nlog: [tensorboard, "wandb[mode=offline]"]\n')
     study = Study.of({}, tmp_path / "study.yaml")
     assert list(map(str, study.log)) == ["tensorboard", "wandb[mode=offline]"]
     assert Study.of({"log": "tensorboard[folder=/a/b]"}, study).log[0].parameters == (("folder", "/a/b"),)
     with pytest.raises(UsageError, match="no log 'tensorbord'; did you mean 'tensorboard'"):
         run_missing(Study.of({"log": "tensorbord"}, study))
+    with pytest.raises(UsageError, match="mode"):
+        build_logs([parse_choice("wandb[mode=never]")])

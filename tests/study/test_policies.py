@@ -74,31 +74,25 @@ def test_a_tuned_recipe_is_not_asked_for_again(site: Callable[..., Path], tmp_pa
     assert referee.Referee(task, method).assess(policy).scores[MAIN] == found.measurement.selected[MAIN]
 
 
-def test_another_observation_is_refused(folder: Path, result: Result) -> None:
-    """The network itself would read what lies beside its input."""
-    assert result.measurement is not None
-    assert result.measurement.policies is not None
-    wrong = replace(result.measurement.policies, observation_size=2)
-    changed = replace(result, measurement=replace(result.measurement, policies=wrong))
-    with pytest.raises(
-        UsageError, match=r"its policy acts on 2 numbers, and task integrator-or shows [0-9]+; it is another"
-    ):
-        load_policy(folder, changed)
-
-
-def test_what_it_observes_is_recorded_and_checked(folder: Path, result: Result) -> None:
-    """As many numbers can be others: here the time once ran in twice as many steps."""
-    assert result.measurement is not None
-    assert result.measurement.policies is not None
-    stored = from_json(to_json(result)).measurement.policies  # type: ignore[union-attr]
-    observation = stored.observation
-    assert (observation.task, observation.total) == ("integrator-or", stored.observation_size)
-    other = replace(stored, observation=replace(observation, steps=2 * observation.steps))
-    changed = replace(result, measurement=replace(result.measurement, policies=other))
-    with pytest.raises(
-        UsageError, match=r"it was trained on integrator-or to observe the time from -1 to 1 in \d+ steps"
-    ):
-        load_policy(folder, changed)
+@pytest.mark.parametrize(
+    ("size", "steps", "said"),
+    [
+        # the network itself would read what lies beside its input
+        (-3, 0, r"its policy acts on \d numbers, and task integrator-or shows \d+; it is another"),
+        # as many numbers can be others: here the time once ran in more steps
+        (0, 5, r"it was trained on integrator-or to observe the time from -1 to 1 in \d+ steps"),
+    ],
+)
+def test_another_observation_is_refused(folder: Path, result: Result, size: int, steps: int, said: str) -> None:
+    measured = from_json(to_json(result)).measurement
+    assert measured is not None
+    assert measured.policies is not None
+    total, observation = measured.policies.observation_size, measured.policies.observation
+    assert (observation.task, observation.total) == ("integrator-or", total)
+    other = replace(observation, steps=observation.steps + steps)
+    wrong = replace(measured.policies, observation_size=total + size, observation=other)
+    with pytest.raises(UsageError, match=said):
+        load_policy(folder, replace(result, measurement=replace(measured, policies=wrong)))
 
 
 def test_an_agent_that_restores(site: Callable[..., Path], tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.records.identity import CellId
-from stlbench.study import live_cells, progress
+from stlbench.study import progress
 from stlbench.study.live_cells import Running, announce, duration, sparkline
 from stlbench.study.progress import Progress, Tally
 
@@ -75,23 +75,14 @@ def test_in_a_pipe_a_run_says_a_line_a_minute(tmp_path, capsys, monkeypatch):
     assert line.startswith("0 of 2 cells, 1 running; hold-disc/funnel/dqn/0: 0 %, 0 of 4,000 steps")
 
 
-def test_bars_of_a_curve():
+def test_bars_of_a_curve_are_drawn_on_a_terminal_alone():
     assert sparkline([0.0, 0.5, 1.0]) == "▁▅█"
     assert sparkline([2.0, 2.0]) == "▄▄"
     assert sparkline([float("nan"), -1.0, 1.0]) == " ▁█"
     assert len(sparkline([float(i) for i in range(100)])) == 20
     assert sparkline([]) == ""
-
-
-def test_the_curve_is_drawn_on_a_terminal_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr(live_cells, "_SECONDS", 0.0)
-    monkeypatch.setattr(live_cells, "_SHARE", 1.0)
     cell = result().id
-    notice = announce(tmp_path, cell, 4000)
-    for steps, mean in ((1000, -1.0), (2000, 0.5)):
-        notice.at(steps, lambda mean=mean: (0.5, mean))
-    drawn, plain = (
-        Tally([cell]).lines(live_cells.running(tmp_path), notice._now.told, drawn=drawn)[1] for drawn in (True, False)
-    )
+    now = Running(cell.name, cell.budget, 4000, 0.0, 2000, 60.0, 0.5, 0.5, ((1000, 0.5, -1.0), (2000, 0.5, 0.5)))
+    drawn, plain = (Tally([cell]).lines([now], 60.0, drawn=drawn)[1] for drawn in (True, False))
     assert drawn.endswith("robustness 0.500 ▁█")
     assert plain.isascii()

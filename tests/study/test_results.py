@@ -156,20 +156,19 @@ def test_the_ledger_goes_before_the_lines(recorded, tmp_path):
         ("{}\n", "line 1: not a result as"),
         ("nonsense\n", "line 1: not a result as"),
         ("[1]\n", "line 1: not a result as `stlbench export --format jsonl` writes it: expected an object"),
+        ("twice", "line 2: hold-disc/funnel[ginf=0.02]/dqn/0 is in line 1 already"),
+        (None, "ledger.sqlite nor cells.jsonl; `stlbench run` writes"),
     ],
 )
-def test_a_line_that_is_no_result(tmp_path, text, message):
-    (tmp_path / stored.LINES).write_text(text)
+def test_what_is_no_result(recorded, tmp_path, text, message):
+    if text == "twice":
+        stored.write_lines([recorded[0], recorded[0]], tmp_path / stored.LINES)
+    elif text is not None:
+        (tmp_path / stored.LINES).write_text(text)
     with pytest.raises(UsageError) as caught:
         Results.load(tmp_path)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_cell_twice(recorded, tmp_path):
-    stored.write_lines([recorded[0], recorded[0]], tmp_path / stored.LINES)
-    with pytest.raises(UsageError, match=r"line 2: hold-disc/funnel\[ginf=0.02\]/dqn/0 is in line 1 already"):
-        Results.load(tmp_path)
 
 
 def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
@@ -192,11 +191,6 @@ def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
 def _written(path, text):
     path.write_text(text + "\n")
     return path
-
-
-def test_a_folder_without_results(tmp_path):
-    with pytest.raises(UsageError, match=r"there is neither .*ledger.sqlite nor cells.jsonl; `stlbench run` writes"):
-        Results.load(tmp_path)
 
 
 def test_the_front_door():

@@ -67,23 +67,11 @@ def test_what_is_not_compiled_is_compiled_before_the_first_cell_and_the_caller_i
     assert not any("compiling" in line for line in lines)
 
 
-def test_what_is_finished_is_not_run_again(tmp_path):
+def test_what_is_finished_is_not_run_again_and_a_cell_given_twice_runs_once(tmp_path):
     cells = scripted_cells.cells("a", "b", "c")
-    study(tmp_path, cells[:2])
+    assert study(tmp_path, [*cells[:2], cells[0]])[0] == [("a", 60), ("b", 60)]
     assert study(tmp_path, cells) == ([("c", 60)], [(["c"], 2), ("c", "unsuitable")])
     assert study(tmp_path, cells) == ([], [([], 3)])
-
-
-def test_retry_runs_accidents_again_and_nothing_else(tmp_path):
-    cells = scripted_cells.cells("a", "raise")
-    study(tmp_path, cells)
-    assert study(tmp_path, cells)[0] == []
-    assert study(tmp_path, cells, retry=ACCIDENTS)[0] == [("raise", 60)]
-
-
-def test_a_cell_given_twice_runs_once(tmp_path):
-    (cell,) = scripted_cells.cells("a")
-    assert study(tmp_path, [cell, cell])[0] == [("a", 60)]
 
 
 def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked(tmp_path, monkeypatch):
@@ -150,11 +138,13 @@ def test_memory_is_a_parameter_of_the_executor_and_what_is_in_brackets_goes_firs
         build_executor(memory="4K")
 
 
-def test_retry_is_by_how_a_cell_failed(tmp_path):
+def test_retry_runs_accidents_again_and_is_by_how_a_cell_failed(tmp_path):
     cells = scripted_cells.cells("a", "raise")
     study(tmp_path, cells)
-    assert study(tmp_path, cells, retry=["timeout", "killed"])[0] == []
-    assert study(tmp_path, cells, retry=["raised"])[0] == [("raise", 60)]
+    for retry in ((), ["timeout", "killed"]):
+        assert study(tmp_path, cells, retry=retry)[0] == []
+    for retry in (["raised"], ACCIDENTS):
+        assert study(tmp_path, cells, retry=retry)[0] == [("raise", 60)]
 
 
 def test_a_cell_that_failed_so_often_is_given_up_and_the_caller_is_told(tmp_path):

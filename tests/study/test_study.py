@@ -96,31 +96,29 @@ def test_a_file_that_is_no_study(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_not_there(tmp_path):
-    path = tmp_path / "study.yaml"
-    with pytest.raises(UsageError, match=f"^cannot read the study {path}: No such file or directory$"):
-        Study.of({}, path)
+NOT_THERE = "cannot read the study {}: No such file or directory"
+NO_FILE = f"{NOT_THERE}; a study is a YAML file; did you mean `{{}}`?"
 
 
 @pytest.mark.parametrize(
-    ("name", "option"), [("hold_disc", "--tasks hold-disc"), ("funnel[ginf=0.1]", "--methods funnel[ginf=0.1]")]
+    ("words", "file", "said"),
+    [
+        ({}, "there-is-none.yaml", NOT_THERE.format("there-is-none.yaml")),
+        ({}, "hold_disc", NO_FILE.format("hold_disc", "--tasks hold-disc")),
+        ({}, "funnel[ginf=0.1]", NO_FILE.format("funnel[ginf=0.1]", "--methods funnel[ginf=0.1]")),
+        ({}, None, "tasks must be given; methods must be given"),
+        # as Python reads bytes that are no UTF-8 from the command line
+        (
+            {"tasks": "\udcff", "methods": "raw"},
+            None,
+            "'\\udcff': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp",
+        ),
+    ],
 )
-def test_a_plugin_in_place_of_a_file_is_given_its_option(name: str, option: str) -> None:
+def test_what_is_no_study_at_all(words: dict[str, str], file: str | None, said: str) -> None:
     with pytest.raises(UsageError) as caught:
-        Study.of({}, name)
-    rule = f"a study is a YAML file; did you mean `{option}`?"
-    assert str(caught.value) == f"cannot read the study {name}: No such file or directory; {rule}"
-
-
-def test_bytes_that_are_no_utf_8_are_no_name():
-    """As Python reads them from the command line."""
-    with pytest.raises(UsageError, match=r"^'\\udcff': a name consists of a-z"):
-        Study.of({"tasks": "\udcff", "methods": "raw"})
-
-
-def test_without_a_file_no_place_is_named():
-    with pytest.raises(UsageError, match=r"^tasks must be given; methods must be given$"):
-        Study.of({})
+        Study.of(words, file)
+    assert str(caught.value) == said
 
 
 STUDIES = sorted((Path(__file__).parents[2] / "studies").glob("*.yaml"))

@@ -53,12 +53,12 @@ def measured(result: Result) -> Measurement:
 
 
 class TestResult:
-    def test_it_is_that_cells(self, result: Result) -> None:
+    def test_it_is_that_cells_with_its_budget_spent_and_the_best_checkpoint_selected(
+        self, result: Result, measured: Measurement
+    ) -> None:
         cell = smoke()
         assert (result.id, result.key, result.status) == (cell.id, cell.key, "done")
         assert (result.reason, result.details) == ("", "")
-
-    def test_the_budget_was_spent_and_the_best_checkpoint_is_selected(self, measured: Measurement) -> None:
         assert measured.env_steps == 16000
         assert [point.steps for point in measured.curve] == [8000, 16000]
         best = max(measured.curve, key=lambda point: (point.satisfaction, point.robustness_mean))
@@ -94,12 +94,6 @@ class TestTraces:
         assert tuple(stl.satisfied(task.formula, traces, names).tolist()) == recorded.satisfied
         tail = stl.parse("G[100,200] norm(x - 2, y - 2) <= 1")
         assert tuple(stl.robustness(tail, traces, names).tolist()) == measured.selected["tail"].robustness
-
-    def test_the_file_is_named_after_the_cell_and_stays_in_its_folder(self, folder: Path) -> None:
-        cell = smoke("funnel[ginf=0.02]")
-        path = cell_files(folder, cell.id, cell.key).traces
-        assert path.parent == folder / "traces"
-        assert path.name == f"hold-disc_funnel[ginf=0.02]_dqn_0_{cell.key[:12]}.npz"
 
     def test_without_a_folder_nothing_is_written(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Measurement
@@ -217,7 +211,8 @@ class TestScript:
     def test_the_best_checkpoint_is_selected_and_the_final_policy_reported_beside_it(
         self, agent: Callable[[int], Any]
     ) -> None:
-        agent(2)
+        """The training is the budget's, and the warm-up is not counted."""
+        script = agent(2)
         found = trial.run_cell(self.cell()).measurement
         assert found is not None
         assert [point.satisfaction for point in found.curve] == [0, 0, 1, 0, 1]
@@ -226,6 +221,8 @@ class TestScript:
         assert found.selected[MAIN].robustness == pytest.approx(begin + 4 - 2)
         assert found.final[MAIN].robustness == pytest.approx(begin - 4 - 2)
         assert found.final[MAIN].first_failed == {"F[8,8] x >= 2": 4}
+        assert found.env_steps == 5 * 2
+        assert [steps for steps, _, _ in script.seen] == [40, 40]  # a warm-up of 1000 decisions, here the whole budget
 
     def test_without_satisfaction_the_mean_robustness_decides(self, agent: Callable[[int], Any]) -> None:
         agent(6).actions = [0, 1, 2, 0]  # x_8 is x_0 - 4, x_0, x_0 + 4, at most 5
@@ -244,23 +241,16 @@ class TestScript:
         assert [(point.steps, point.starts) for point in found.curve] == [(6, 4)]
         assert found.selected_steps == 6
 
-    def test_the_training_is_the_budgets_and_the_warm_up_is_not_counted(self, agent: Callable[[int], Any]) -> None:
-        script = agent(2)
-        found = trial.run_cell(self.cell()).measurement
-        assert found is not None
-        assert found.env_steps == 5 * 2
-        assert [steps for steps, _, _ in script.seen] == [40, 40]  # a warm-up of 1000 decisions, here the whole budget
-
-    def test_an_agent_that_overspends_is_an_accident(self, agent: Callable[[int], Any]) -> None:
+    def test_an_agent_that_overspends_or_reports_more_steps_than_it_took_is_an_accident(
+        self, agent: Callable[[int], Any]
+    ) -> None:
         script = agent(2)
         script.more = 15  # 5 + 15 lock-steps of 2 copies are the budget of 40
         assert trial.run_cell(self.cell()).status == "done"
         script.more = 16
         with pytest.raises(RuntimeError, match="agent zz-script took 42 environment steps, its budget is 40"):
             trial.run_cell(self.cell())
-
-    def test_an_agent_that_reports_more_steps_than_it_took_is_an_accident(self, agent: Callable[[int], Any]) -> None:
-        agent(2).more_said = 1
+        script.more, script.more_said = 0, 1
         said = "agent zz-script reports a policy after 3 environment steps, and had taken 2"
         with pytest.raises(RuntimeError, match=said):
             trial.run_cell(self.cell())

@@ -74,6 +74,7 @@ def test_each_method_finds_what_it_needs() -> None:
 
 
 def test_the_first_trial_is_the_shared_recipe_and_random_ones_are_the_same_for_all() -> None:
+    """All methods have as many, on every seed; and the same results lead to the same trials."""
     found, made = tuned(late, 6)
     raw, flag = (found[name].trials for name in ("raw", "flag"))
     shared = load_task("robot-nav").recipe("dqn")
@@ -81,18 +82,9 @@ def test_the_first_trial_is_the_shared_recipe_and_random_ones_are_the_same_for_a
     assert raw[0].values["hold"] == 10
     assert made.ran[0].name == "robot-nav/raw/dqn/100"
     assert [trial.values for trial in raw] == [trial.values for trial in flag]
+    assert (len(raw), {cell.seed for cell in made.ran}) == (6, {100, 101})
     assert len({tuple(trial.values.items()) for trial in raw}) > 3
-
-
-def test_every_method_has_the_same_number_of_trials_on_every_seed() -> None:
-    found, made = tuned(late, 7)
-    assert [len(entrant.trials) for entrant in found.values()] == [7, 7]
-    assert {cell.seed for cell in made.ran} == {100, 101}
-
-
-def test_the_same_results_lead_to_the_same_trials() -> None:
-    fewer, more = tuned(late, 6)[1].ran, tuned(late, 10)[1].ran
-    assert more[: len(fewer)] == fewer
+    assert tuned(late, 10)[1].ran[: len(made.ran)] == made.ran
 
 
 def test_satisfaction_goes_before_robustness() -> None:
@@ -111,14 +103,11 @@ def test_what_a_trial_holds_is_a_variant_of_the_task_and_of_the_agent() -> None:
     ]
 
 
-def test_a_trial_that_failed_is_kept_and_never_chosen() -> None:
+def test_a_trial_that_failed_is_kept_and_never_chosen_and_one_failed_seed_fails_it() -> None:
     found, _ = tuned(lambda cell: "raised" if discount(cell) > 0.9 else (discount(cell), 0.0))
     statuses = {trial.status for trial in found["raw"].trials}
     assert statuses == {"raised", "done"}
     assert found["raw"].best.values["gamma"] <= 0.9
-
-
-def test_one_failed_seed_fails_the_trial() -> None:
     found, _ = tuned(lambda cell: "timeout" if cell.seed == 101 else (1.0, 0.0), 2)
     assert [trial.status for trial in found["raw"].trials] == ["timeout"] * 2
     assert found["raw"].best is None
