@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
-from helpers.causation_recursion import Recursion
 from helpers.episodes import run, specification
 
 from stlbench import stl
@@ -17,10 +19,56 @@ BONUS = 7.0
 TRACES = 10_000
 
 
+@dataclass(frozen=True)
+class Recursion:
+    """The online violation causation distance by its published recursion, word for word and slow.
+
+    `up(phi, tau)` says how far the newest sample b of traces (N, T + 1, 2) is from causing a violation of phi at step
+    tau; `upper` bounds the robustness of phi at tau over all continuations of the samples up to b. For the newest
+    sample alone an atom has a distance. Values are arrays, one number per trace.
+    """
+
+    traces: Array
+    b: int
+
+    def up(self, phi: stl.Formula, tau: int) -> Array:
+        match phi:
+            case stl.And((p, q)):
+                return np.minimum(self.up(p, tau), self.up(q, tau))
+            case stl.Always(a, b, p):
+                return self._least(p, tau, a, b)
+            case stl.Eventually(a, b, p):
+                return np.maximum(self._least(p, tau, a, b), self.upper(phi, tau))
+            case _:
+                return self._margin(phi, tau) if tau == self.b else self._infinite()
+
+    def upper(self, phi: stl.Formula, tau: int) -> Array:
+        match phi:
+            case stl.And((p, q)):
+                return np.minimum(self.upper(p, tau), self.upper(q, tau))
+            case stl.Always(a, b, p):
+                return np.min([self.upper(p, t) for t in range(tau + a, tau + b + 1)], axis=0)
+            case stl.Eventually(a, b, p):
+                return np.max([self.upper(p, t) for t in range(tau + a, tau + b + 1)], axis=0)
+            case _:
+                return self._margin(phi, tau) if tau <= self.b else self._infinite()
+
+    def _least(self, phi: stl.Formula, tau: int, a: int, b: int) -> Array:
+        """Over the steps of the interval that have been seen."""
+        seen = range(tau + a, min(tau + b, self.b) + 1)
+        return np.min([self._infinite(), *(self.up(phi, t) for t in seen)], axis=0)
+
+    def _margin(self, phi: stl.Formula, tau: int) -> Array:
+        return stl.margin(phi, ("x", "y"))(self.traces[:, tau])
+
+    def _infinite(self) -> Array:
+        return np.full(len(self.traces), math.inf)
+
+
 def published(formula: stl.Formula, traces: Array) -> Array:
     """The reward of samples 1..T by the recursion: c where it is at most 0, else the bonus, (N, T)."""
-    found = [Recursion(traces, ("x", "y"), b).up(formula, 0) for b in range(1, traces.shape[1])]
-    return np.where(np.array(found).T <= 0, np.array(found).T, BONUS)
+    found = np.array([Recursion(traces, b).up(formula, 0) for b in range(1, traces.shape[1])]).T
+    return np.where(found <= 0, found, BONUS)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import os
 import signal
 import sqlite3
@@ -16,7 +17,7 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records.ledger import Ledger
-from stlbench.records.reader import LedgerWarning
+from stlbench.records.schema import LISTED, VERSION
 from stlbench.records.status import ACCIDENTS
 
 
@@ -25,7 +26,7 @@ def path(tmp_path):
     return tmp_path / "results" / "ledger.sqlite"
 
 
-def test_what_is_recorded_comes_back_equal_in_order(path):
+def test_what_is_recorded_comes_back_equal_in_order_and_the_last_of_a_key_alone(path):
     recorded = [
         result("raw", 1),
         result("funnel", 10, robustness=(0.1, -0.2)),
@@ -34,18 +35,12 @@ def test_what_is_recorded_comes_back_equal_in_order(path):
         result("flag", 0, status="intractable", reason="needs 600 inputs, limit 512"),
     ]
     with Ledger(path) as ledger:
+        ledger.record(dataclasses.replace(recorded[0], status="raised", reason="ValueError: x", measurement=None))
         for entry in recorded:
             ledger.record(entry)
     with Ledger(path) as ledger:
         assert list(ledger.results()) == [recorded[3], recorded[4], recorded[2], recorded[1], recorded[0]]
-
-
-def test_results_of_some_keys_only(path):
-    one, other = result(seed=0), result(seed=1)
-    with Ledger(path) as ledger:
-        ledger.record(one)
-        ledger.record(other)
-        assert list(ledger.results([other.key, "unknown"])) == [other]
+        assert list(ledger.results([recorded[1].key, "unknown"])) == [recorded[1]]
         assert list(ledger.results([])) == []
 
 
@@ -59,15 +54,6 @@ def test_the_columns_are_there_for_sql(path):
         ("funnel", 3, "done", "", pytest.approx(0.2), 0.75, 7.5, 12.0),
         ("raw", 3, "timeout", "no result after 3 s", None, None, None, None),
     ]
-
-
-def test_a_key_has_one_row_the_last(path):
-    before = result(status="raised", reason="ValueError: x")
-    after = dataclasses.replace(result(), key=before.key)
-    with Ledger(path) as ledger:
-        ledger.record(before)
-        ledger.record(after)
-        assert list(ledger.results()) == [after]
 
 
 def test_of_a_cell_measured_again_with_another_key_the_newest_counts(path):
@@ -149,18 +135,13 @@ def test_a_later_plan_replaces_that_of_the_same_settings_and_of_no_other(path):
         assert set(ledger.missing()) == {entry.id for entry in (other, budget, *many[:2])}
 
 
-def test_a_cell_with_another_key_is_not_missing(path):
-    """A plugin was edited: the result is not of today's plan, and yet it is one."""
-    with Ledger(path) as ledger:
-        ledger.record(result())
-        ledger.plan({"edited": result().id})
-        assert ledger.missing() == []
-
-
 def test_of_several_results_of_a_cell_the_planned_one_counts(path):
+    """And where a plugin was edited, a result that is not of today's plan is one all the same."""
     old, new = result(), dataclasses.replace(result(robustness=(0.5,)), key="edited")
     with Ledger(path) as ledger:
         ledger.record(old)
+        ledger.plan(plan(new))
+        assert ledger.missing() == []
         ledger.record(new)
         assert list(ledger.results()) == [new]
         ledger.plan(plan(old))  # the edit was taken back
@@ -192,6 +173,19 @@ def other_database(path):
         database.execute("CREATE TABLE cells (key)")
 
 
+def of_version(version):
+    def make(path):
+        with Ledger(path) as ledger:
+            ledger.record(result())
+        with sqlite3.connect(path) as database:
+            database.execute(f"PRAGMA user_version = {version}")
+
+    return make
+
+
+OTHER = f"is a ledger of version {{}}; this stlbench reads version {VERSION}"
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -200,6 +194,8 @@ def other_database(path):
         (lambda path: path.write_bytes(b"SQLite format 3\0 and then nonsense" * 50), "cannot read the ledger"),
         (other_database, "is no ledger of stlbench"),
         (lambda path: path.mkdir(), "is no ledger of stlbench"),
+        *((of_version(VERSION + step), OTHER.format(VERSION + step)) for step in (-1, 1)),
+        (lambda path: None, "there is no ledger at"),
     ],
 )
 def test_another_file_is_refused_and_left_as_it_is(tmp_path, make, message):
@@ -207,24 +203,30 @@ def test_another_file_is_refused_and_left_as_it_is(tmp_path, make, message):
     make(path)
     before = path.read_bytes() if path.is_file() else None
     with pytest.raises(UsageError) as caught:
-        Ledger(path)
+        Ledger(path, create=False)
     assert str(path) in str(caught.value)
     assert message in str(caught.value)
     assert (path.read_bytes() if path.is_file() else None) == before
 
 
-def test_a_reader_makes_no_file(path):
-    with pytest.raises(UsageError, match="there is no ledger at"):
-        Ledger(path, create=False)
-    assert not path.parent.exists()
+def test_what_is_missing_is_found_in_the_index_alone(path):
+    with Ledger(path) as ledger:
+        ledger.plan({})
+    with sqlite3.connect(path) as database:
+        ((*_, found),) = database.execute(f"EXPLAIN QUERY PLAN SELECT rowid, {LISTED} FROM cells")
+    assert found == "SCAN cells USING COVERING INDEX listed"
 
 
-def test_a_folder_that_cannot_be_made(tmp_path):
-    (tmp_path / "file").touch()
-    with (
-        Ledger(tmp_path / "file" / "ledger.sqlite") as ledger,
-        pytest.raises(UsageError, match="cannot open the ledger"),
-    ):
+def test_a_folder_that_cannot_be_made_or_is_on_a_full_disk(path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path.parent.touch()
+    with Ledger(path) as ledger, pytest.raises(UsageError, match="cannot open the ledger"):
+        ledger.plan({})
+    path.parent.unlink()
+    monkeypatch.setattr("pathlib.Path.mkdir", full)
+    with Ledger(path) as ledger, pytest.raises(UsageError, match="No space left on device"):
         ledger.plan({})
 
 
@@ -308,53 +310,3 @@ def test_a_folder_that_cannot_be_written_can_be_read(path, mode):
         ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         shown.parent.chmod(0o755)
     assert ran.stdout == "1 1\n", ran.stderr
-
-
-def filled(path, count=60):
-    """So many rows, some to a page."""
-    entries = [result(seed=seed) for seed in range(count)]
-    with Ledger(path) as ledger:
-        ledger.plan(plan(*entries))
-        for entry in entries:
-            ledger.record(entry)
-    return entries
-
-
-@pytest.mark.parametrize("text", ["'{\"key\": '", "'[]'", "x'ff00'", "3", "replace(result, '0.3', '0.8')"])
-def test_a_damaged_row_is_named_and_passed_over_and_measured_again_by_retry(path, text):
-    entries = filled(path, 3)
-    with sqlite3.connect(path) as database:
-        database.execute(f"UPDATE cells SET result = {text} WHERE seed = 1")
-    database.close()
-    keys = [entry.key for entry in entries]
-    with Ledger(path) as ledger:
-        with pytest.warns(LedgerWarning, match="the row of hold-disc/funnel/dqn/1 is damaged and passed over"):
-            assert [entry.id.seed for entry in ledger.results()] == [0, 2]
-        assert ledger.finished(keys) == set(keys)
-        with pytest.warns(LedgerWarning):
-            assert ledger.finished(keys, retry=ACCIDENTS) == {keys[0], keys[2]}
-
-
-def test_a_damaged_page_costs_the_rows_in_it_and_no_other(path, tmp_path):
-    """A page that rows of the table are in, and neither the index nor the plan."""
-    keys = [entry.key for entry in filled(path)]
-    with sqlite3.connect(path) as database:
-        size = database.execute("PRAGMA page_size").fetchone()[0]
-    database.close()
-    content = bytearray(path.read_bytes())
-    pages = [
-        begin
-        for begin in range(0, len(content), size)
-        if content[begin] == 13 and b"funnel" in content[begin : begin + size]
-    ]
-    page = next(begin for begin in pages[2:] if b'"status"' in content[begin : begin + size])
-    content[page : page + size] = bytes(size)
-    path.write_bytes(content)
-    with Ledger(path) as ledger:
-        with pytest.warns(LedgerWarning, match="the row of hold-disc/funnel/dqn/[0-9]+ is damaged") as warned:
-            found = list(ledger.results())
-        lost = len({str(warning.message) for warning in warned})
-        assert 0 < lost < 30
-        assert len(found) == 60 - lost
-        with pytest.warns(LedgerWarning):
-            assert ledger.finished(keys, retry=ACCIDENTS) == {entry.key for entry in found}

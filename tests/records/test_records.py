@@ -79,12 +79,27 @@ def test_the_first_page_says_what_the_file_is_and_without_it_nothing_is_read(who
         Ledger(path, create=False)
 
 
-@pytest.mark.parametrize(("column", "value"), [("task", "'NO NAME'"), ("seed", "'x'"), ("agent", "x'00ff'")])
-def test_a_row_without_a_cell_is_named_by_its_key(whole, column, value):
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        *(("result", text) for text in ("'{\"key\": '", "'[]'", "x'ff00'", "3", "replace(result, '0.3', '0.8')")),
+        *(("task", "'NO NAME'"), ("seed", "'x'"), ("agent", "x'00ff'")),
+    ],
+)
+def test_a_damaged_row_is_named_and_passed_over_and_measured_again_by_retry(whole, column, value):
+    """One without a cell is named by its key."""
     path, _ = whole
     with sqlite3.connect(path) as database:
         database.execute(f"UPDATE cells SET {column} = {value} WHERE seed = 7")
     database.close()
     seeds, _, said, _ = read(path)
     assert len(seeds) == COUNT - 1
-    assert any("the row of" in line for line in said)
+    if column != "result":
+        assert any("the row of" in line for line in said)
+        return
+    assert any("the row of hold-disc/funnel/dqn/7 is damaged" in line for line in said)
+    keys = {result(seed=seed).key for seed in range(COUNT)}
+    with Ledger(path) as ledger:
+        assert ledger.finished(keys) == keys
+        with pytest.warns(LedgerWarning):
+            assert ledger.finished(keys, retry=ACCIDENTS) == keys - {result(seed=7).key}

@@ -1,4 +1,4 @@
-"""Results as JSON: what comes back, and what is refused."""
+"""Results as JSON: what comes back, and what is refused; and which ends of cells are tried again."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import replace
 import pytest
 from helpers.synthetic_results import result
 
+from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Planned, Score, from_json, to_json
+from stlbench.records.status import ACCIDENTS, accidents_of
 
 
 def test_json_has_the_parts_of_the_identity_beside_the_rest_as_it_always_had():
@@ -41,3 +43,12 @@ def test_what_a_plan_expects_comes_back_also_where_it_is_no_number(value):
 def test_other_json_is_refused(text):
     with pytest.raises(ValueError):  # noqa: PT011
         from_json(text)
+
+
+def test_failures_to_try_again() -> None:
+    assert accidents_of("failed") == accidents_of(True) == accidents_of(["failed", "timeout"]) == ACCIDENTS
+    assert accidents_of("killed, raised") == ("raised", "killed")
+    assert accidents_of(None) == accidents_of(False) == ()
+    for text, said in (("kiled", "no failure 'kiled'; did you mean 'killed'"), ("done,killed", "no failure 'done'")):
+        with pytest.raises(UsageError, match=said):
+            accidents_of(text)
