@@ -90,38 +90,10 @@ def has_windows(model: Model) -> bool:
 
 
 class TestAgainstAllPlans:
-    @settings(max_examples=60, deadline=None)
-    @given(formulas(("F", "G")), st.sampled_from([1, 2, 3, 6]))
-    def test_of_f_and_g_the_value_is_the_best_and_the_policy_reaches_it(self, formula: stl.Formula, hold: int) -> None:
-        """With t = 0 in the intervals or without, with ends between the first and the last sample of a decision."""
-        model = lattice.task(formula, STEPS, hold)
-        policy = planned(model)
-        truth = [best(model, start) for start in STARTS]
-        np.testing.assert_allclose(policy.value(STARTS), truth, atol=1e-5)
-        np.testing.assert_allclose(
-            lattice.robustness(model, lattice.followed(model, policy, STARTS).samples), truth, atol=1e-5
-        )
-
-    @settings(max_examples=60, deadline=None)
-    @given(formulas())
-    def test_with_a_decision_at_each_sample_f_g_is_exact_but_for_windows_from_the_start(
-        self, formula: stl.Formula
-    ) -> None:
-        """No action changes t = 0, so a term whose windows may begin there is the one exception."""
-        model = lattice.task(formula, STEPS)
-        if any(term.kind == "FG" and term.start == 0 for term in model.method.specification.terms):
-            return
-        policy = planned(model)
-        truth = [best(model, start) for start in STARTS]
-        np.testing.assert_allclose(policy.value(STARTS), truth, atol=1e-5)
-        np.testing.assert_allclose(
-            lattice.robustness(model, lattice.followed(model, policy, STARTS).samples), truth, atol=1e-5
-        )
-
-    @settings(max_examples=60, deadline=None)
-    @given(formulas(), st.sampled_from([1, 2, 3]))
-    def test_else_it_is_the_best_of_windows_that_begin_with_a_decision(self, formula: stl.Formula, hold: int) -> None:
-        """A lower bound of what is possible, which the policy reaches or exceeds."""
+    @settings(max_examples=150, deadline=None)
+    @given(formulas(), st.sampled_from([1, 2, 3, 6]))
+    def test_it_is_the_best_of_windows_that_begin_with_a_decision(self, formula: stl.Formula, hold: int) -> None:
+        """So of F and G terms the best there is. Else a lower bound of it, which the policy reaches or exceeds."""
         model = lattice.task(formula, STEPS, hold)
         if not has_windows(model):
             return

@@ -141,16 +141,6 @@ def test_bounds_contain_every_continuation(formula: stl.Formula, seed: int, data
         np.testing.assert_allclose(upper, rho, atol=1e-12)
 
 
-def test_bounds_at_every_step_close_as_the_future_becomes_known() -> None:
-    lower, upper = stl.robustness_bounds_trace(stl.parse("G[0,2] x >= 0"), [[1.0], [3.0], [2.0]], ["x"])
-    assert (lower.tolist(), upper.tolist()) == ([1, -math.inf, -math.inf], [1, 2, 2])
-
-
-def test_interval_of_no_samples_is_what_the_formula_alone_says() -> None:
-    lower, upper = stl.robustness_bounds(stl.parse("G[0,2] (True | x >= 0)"), np.empty((0, 1)), ["x"])
-    assert (lower.item(), upper.item()) == (math.inf, math.inf)
-
-
 def test_huge_intervals_cost_no_memory_on_short_traces() -> None:
     formula = stl.parse("G[0,1000000000000] F[5,2000000000000] x >= 0 & (x >= 0 U[3,1000000000000] x >= 1)")
     assert stl.robustness(formula, X, ["x"], "clip") == -math.inf
@@ -158,10 +148,19 @@ def test_huge_intervals_cost_no_memory_on_short_traces() -> None:
     assert (lower.item(), upper.item()) == (-math.inf, -2)  # x < 0 at step 2 comes before any t' >= 3 of the until
 
 
-def test_the_future_stays_open() -> None:
-    assert stl.robustness_bounds(stl.parse("G x >= 0"), ENDING, ["x"]) == (-math.inf, -2)
-    assert stl.robustness_bounds(stl.parse("F x >= 0"), ENDING, ["x"]) == (4, math.inf)
-    assert stl.robustness_bounds(stl.parse("G F x >= 0"), ENDING, ["x"]) == (-math.inf, math.inf)
+@pytest.mark.parametrize(
+    ("text", "trace", "bounds"),
+    [
+        ("G x >= 0", ENDING, (-math.inf, -2)),
+        ("F x >= 0", ENDING, (4, math.inf)),
+        ("G F x >= 0", ENDING, (-math.inf, math.inf)),
+        ("G[0,2] (True | x >= 0)", np.empty((0, 1)), (math.inf, math.inf)),
+    ],
+)
+def test_the_future_stays_open(text: str, trace: Any, bounds: tuple[float, float]) -> None:
+    assert stl.robustness_bounds(stl.parse(text), trace, ["x"]) == bounds
+    lower, upper = stl.robustness_bounds_trace(stl.parse("G[0,2] x >= 0"), [[1.0], [3.0], [2.0]], ["x"])
+    assert (lower.tolist(), upper.tolist()) == ([1, -math.inf, -math.inf], [1, 2, 2])
 
 
 def test_one_step_at_least_is_needed() -> None:
@@ -179,17 +178,17 @@ def test_short_trace_is_an_error() -> None:
 
 
 @pytest.mark.parametrize(
-    ("trace", "names", "message"),
-    [(np.zeros((5, 2)), ["x"], "shape"), (np.zeros(5), ["x"], "shape"), (np.zeros((5, 2)), ["x", "x"], "differ")],
+    ("trace", "words", "message"),
+    [
+        (np.zeros((5, 2)), (["x"],), "shape"),
+        (np.zeros(5), (["x"],), "shape"),
+        (np.zeros((5, 2)), (["x", "x"],), "differ"),
+        (X, (["x"], "lenient"), "'strict' or 'clip', got 'lenient'"),
+    ],
 )
-def test_shapes_and_names_are_checked(trace: Any, names: list[str], message: str) -> None:
+def test_shapes_names_and_the_policy_are_checked(trace: Any, words: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        stl.robustness(stl.parse("x >= 0"), trace, names)
-
-
-def test_policy_is_checked() -> None:
-    with pytest.raises(ValueError, match="'strict' or 'clip', got 'lenient'"):
-        stl.robustness(stl.parse("x >= 0"), X, ["x"], "lenient")  # type: ignore[arg-type]
+        stl.robustness(stl.parse("x >= 0"), trace, *words)
 
 
 def test_integer_and_strided_traces_are_read() -> None:

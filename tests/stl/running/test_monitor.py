@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers.generated_formulas import NAMES, SEEDS, WATCHED, pointwise, traces
+from helpers.generated_formulas import NAMES, SEEDS, WATCHED, traces
 from hypothesis import given
 
 from stlbench import stl
@@ -46,15 +46,6 @@ def test_equals_the_interval_policy_at_every_step(formula: stl.Formula, seed: in
         assert now.verdict == stl.satisfied(formula, trace, NAMES)
 
 
-def test_without_an_interval_the_end_stays_open() -> None:
-    always, eventually = stl.Monitor(stl.parse("G x >= 0"), ["x"]), stl.Monitor(stl.parse("F x >= 0"), ["x"])
-    for x in np.linspace(1, 5, 400):
-        assert always.update([x]) == stl.Interval(-math.inf, 1.0, None)
-        assert eventually.update([-x]) == stl.Interval(-1.0, math.inf, None)
-    assert always.update([-2.0]) == stl.Interval(-math.inf, -2.0, False)
-    assert eventually.update([0.0]) == stl.Interval(0.0, math.inf, True)
-
-
 def test_without_intervals_at_most_a_window_is_kept() -> None:
     texts = ("G x >= 0", "F G x >= 0", "G F[0,3] x >= 0", "F[0,9] G x >= 0", "G[1,2] G x >= 0", "x >= 0 U x >= 9")
     for text in (*texts, "x >= 0 W x >= 9", "x >= 9 R x >= 0", "G[0,3] G[1,2] x >= 0", "F[0,3] F[1,2] x >= 0"):
@@ -63,14 +54,6 @@ def test_without_intervals_at_most_a_window_is_kept() -> None:
     for x in range(500):
         monitor.update([float(-x)])
     assert len(vars(monitor._state)["queue0"]) <= 5
-
-
-@given(pointwise(), SEEDS)
-def test_formulas_without_temporal_operators_equal_margin_and_holds(psi: stl.Formula, seed: int) -> None:
-    for sample in traces(20, seed):
-        now = stl.Monitor(psi, NAMES).update(sample)
-        np.testing.assert_allclose(now[:2], [stl.margin(psi, NAMES)(sample)] * 2, rtol=1e-12, atol=1e-12)
-        assert now.verdict == stl.holds(psi, NAMES)(sample)
 
 
 def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
