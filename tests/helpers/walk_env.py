@@ -1,4 +1,7 @@
-"""A walk on a line as a Gymnasium environment: x changes by -.5, 0 or .5 a step, and by chance where it is random."""
+"""A walk on a line as a Gymnasium environment: x changes by -.5, 0 or .5 a step, and by chance where it is random.
+
+Also wrapped, with a formula over x, and played from a given x.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
+
+import stlbench
+from stlbench.rollout.gymnasium.wrap import StlWrapper
 
 LEFT, STAY, RIGHT = np.int64(0), np.int64(1), np.int64(2)
 
@@ -45,3 +51,15 @@ class Walk(gymnasium.Env[Any, Any]):
         if self.kind == "dict":
             return {"place": line, "mirror": -line[:1]}
         return line if self.kind == "vector" else self.render()
+
+
+BASE: dict[str, Any] = {"names": ("x", "minus"), "ranges": {"x": (-10, 10)}, "method": "raw"}
+
+
+def wrapped(env: Walk | None = None, formula: str = "G[0,4] x <= 1", **options: Any) -> StlWrapper:
+    return stlbench.wrap(env or Walk(), formula, **(BASE | {"steps": 4} | options))
+
+
+def played(env: StlWrapper, *actions: Any, x: float = 0.0) -> list[tuple[Any, float, bool, bool, dict[str, Any]]]:
+    env.reset(seed=0, options={"x": x})
+    return [env.step(action) for action in actions]

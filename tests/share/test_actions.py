@@ -15,20 +15,20 @@ GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 2.0)))
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 2.0))
 
 
-def test_of_a_grid_whole_numbers_are_indices() -> None:
-    found = actions_of([5, 0, 3], GRID, 3, "p")
-    assert found.dtype == np.int64
-    assert found.tolist() == [5, 0, 3]
-
-
-def test_of_a_grid_vectors_are_taken_to_the_nearest_action() -> None:
-    vectors = np.array([[-0.9, 1.5], [0.4, 0.9], [0.6, 0.0]], np.float32)
-    assert GRID.vectors[actions_of(vectors, GRID, 3, "p")].tolist() == [[-1, 2], [0, 0], [1, 0]]
-
-
-def test_of_a_grid_the_action_with_the_greatest_value_is_taken() -> None:
-    values = np.array([[0, 1, 2, 9, 4, 5], [7, 1, 2, 3, 4, 5], [0, 0, 0, 0, 0, 0]], np.float32)
-    assert actions_of(values, GRID, 3, "p").tolist() == [3, 0, 0]
+@pytest.mark.parametrize(
+    ("answer", "actions", "expected"),
+    [
+        ([5, 0, 3], GRID, [5, 0, 3]),  # whole numbers are indices
+        (np.array([[-0.9, 1.5], [0.4, 0.9], [0.6, 0.0]], np.float32), GRID, [1, 2, 4]),  # the nearest actions
+        (np.array([[0, 1, 2, 9, 4, 5], [7, 1, 2, 3, 4, 5], [0] * 6], np.float32), GRID, [3, 0, 0]),  # greatest values
+        ([[1, 2]], BOX, [[1.0, 2.0]]),
+        (np.array([[1 + 1e-7, -1e-7]]), BOX, [[1.0, 0.0]]),  # what single precision makes of the ends
+    ],
+)
+def test_what_is_taken(answer: object, actions: Actions, expected: list[object]) -> None:
+    found = actions_of(answer, actions, len(expected), "p")
+    assert found.tolist() == expected
+    assert found.dtype == (np.int64 if actions is GRID else np.float64)
 
 
 def test_what_is_moved_to_the_grid_is_counted() -> None:
@@ -69,14 +69,6 @@ def test_a_table_that_does_not_fit(text: str, answer: object, message: str, tmp_
     (tmp_path / "own.csv").write_text(text)
     with pytest.raises(UsageError, match=message):
         OnObservation(lambda _: answer, GRID, "p", read_actions(tmp_path / "own.csv", GRID)).act(np.zeros((1, 4)))
-
-
-def test_whole_numbers_can_be_a_vector_too() -> None:
-    assert actions_of([[1, 2]], BOX, 1, "p").tolist() == [[1.0, 2.0]]
-
-
-def test_what_single_precision_makes_of_an_end_is_within() -> None:
-    assert actions_of(np.array([[1 + 1e-7, -1e-7]]), BOX, 1, "p").tolist() == [[1.0, 0.0]]
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
+from helpers.bundles import changed
 from helpers.sb3_models import saved
 
 from stlbench.contract import ActionBox, ActionGrid, Actions
@@ -110,25 +111,15 @@ def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
         def __reduce__(self) -> tuple[Any, ...]:
             return Path.touch, (tmp_path / "run",)
 
-    saved(tmp_path / "m.zip", "DQN", World(space_of(GRID)), net_arch=[8])
-    with zipfile.ZipFile(tmp_path / "m.zip") as file:
-        members = {name: file.read(name) for name in file.namelist()}
-    data = json.loads(members["data"])
-    data["policy_class"][":serialized:"] = base64.b64encode(pickle.dumps(Trap())).decode()
-    members["data"] = json.dumps(data).encode()
-    write(tmp_path / "n.zip", members)
-    load_sb3(tmp_path / "n.zip", GRID, Observation(4))
-    members["policy.pth"] = pickle.dumps(Trap())
-    write(tmp_path / "o.zip", members)
+    path, trap = tmp_path / "m.zip", pickle.dumps(Trap())
+    saved(path, "DQN", World(space_of(GRID)), net_arch=[8])
+    with zipfile.ZipFile(path) as file:
+        data = json.loads(file.read("data"))
+    data["policy_class"][":serialized:"] = base64.b64encode(trap).decode()
+    load_sb3(changed(path, tmp_path / "n.zip", {"data": json.dumps(data).encode()}), GRID, Observation(4))
     with pytest.raises(UsageError, match="is no model that Stable-Baselines3 saved"):
-        load_sb3(tmp_path / "o.zip", GRID, Observation(4))
+        load_sb3(changed(path, tmp_path / "o.zip", {"policy.pth": trap}), GRID, Observation(4))
     assert not (tmp_path / "run").exists()
-
-
-def write(path: Path, members: dict[str, bytes]) -> None:
-    with zipfile.ZipFile(path, "w") as file:
-        for name, content in members.items():
-            file.writestr(name, content)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +156,8 @@ def test_what_does_not_fit(
 
 def test_files_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "a.zip").write_text("garbage")
-    write(tmp_path / "b.zip", {"data": b"{}"})
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as file:
+        file.writestr("data", "{}")
     for name in ("a.zip", "b.zip"):
         with pytest.raises(UsageError, match=f"{name} is no model that Stable-Baselines3 saved"):
             load_sb3(tmp_path / name, GRID, Observation(4))

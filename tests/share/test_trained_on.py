@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 import pytest
 from helpers import sb3_models
+from helpers.bundles import changed
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 import stlbench
@@ -214,16 +215,13 @@ def test_a_task_as_an_environment_says_what_it_shows(task: Task, tmp_path: Path)
 def test_a_record_that_anybody_may_have_written(task: Task, tmp_path: Path) -> None:
     saved(tmp_path / "m.zip", wrapped())
     with zipfile.ZipFile(tmp_path / "m.zip") as file:
-        members = {name: file.read(name) for name in file.namelist()}
-    data = json.loads(members["data"])
-    data["observation_space"]["stlbench_observation"]["names"] = ["\x1b[2J\n", "s", "omega"]
-    for facts in (data["observation_space"]["stlbench_observation"], ["nonsense"]):
-        data["observation_space"]["stlbench_observation"] = facts
-        with zipfile.ZipFile(tmp_path / "n.zip", "w") as file:
-            for name, content in (members | {"data": json.dumps(data)}).items():
-                file.writestr(name, content)
+        data = json.loads(file.read("data"))
+    facts = data["observation_space"]["stlbench_observation"]
+    for record in (facts | {"names": ["\x1b[2J\n", "s", "omega"]}, ["nonsense"]):
+        data["observation_space"]["stlbench_observation"] = record
+        path = changed(tmp_path / "m.zip", tmp_path / "n.zip", {"data": json.dumps(data).encode()})
         with pytest.raises(UsageError) as caught:
-            score(task, find_source(str(tmp_path / "n.zip")), Shown(), 0)
+            score(task, find_source(str(path)), Shown(), 0)
         assert str(caught.value).isprintable()
 
 

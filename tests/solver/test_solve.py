@@ -4,35 +4,28 @@ from __future__ import annotations
 
 import json
 import re
-from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 import yaml
+from solver.conftest import FORMULA
 from typer.testing import CliRunner
 
 import stlbench
 from stlbench.cli import app
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId
-from stlbench.records.result import Result
 from stlbench.rollout import referee
-from stlbench.rollout.auto import PATIENCE, automatic
-from stlbench.solver.contestants import Contestant, best_first, contestants, rank
+from stlbench.solver.contestants import rank
 from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem
-from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.run import _folder
 from stlbench.solver.solution import Solution
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
-from stlbench.task import load_task
 
-FORMULA = "G[0,20] abs(theta) <= 0.15"
 HARD = "G[0,20] abs(theta) <= 0.04"
 """A fifth of the starts violate it at once, so that no training satisfies from all starts."""
 
@@ -89,11 +82,6 @@ gymnasium.register("Point-v0", Point, max_episode_steps=30)
 
 POINT = "zz_made:Point-v0"
 DISTANCE = {"d": "abs(obs[place][0] - obs[goal])"}
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
@@ -220,116 +208,13 @@ def interrupt(*args: Any, **options: Any) -> Results:
     raise KeyboardInterrupt
 
 
-class Played:
-    """Stands for `run_study`: each cell takes a minute of a made-up clock, and satisfies from the share of its seed."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, shares: dict[tuple[str, int], float]) -> None:
-        self.shares, self.cells, self.now = shares, list[tuple[str, str, str, int]](), 0.0
-        monkeypatch.setattr("stlbench.solver.race.run_study", self)
-        monkeypatch.setattr("stlbench.solver.race.time", SimpleNamespace(perf_counter=lambda: self.now))
-
-    def __call__(self, **options: Any) -> list[Result]:
-        cells = list(product(options["methods"], options["agents"], options["seeds"]))
-        self.cells += [(options["budget"], *cell) for cell in cells]
-        self.now += 60.0
-        return [self._result(options["budget"], *cell) for cell in cells]
-
-    def _result(self, budget: str, method: str, agent: str, seed: int) -> Result:
-        cell = CellId.parse(f"task/{method}/{agent}/{seed}/auto", budget)
-        share = self.shares.get((method, seed), 0.5)
-        measured = SimpleNamespace(
-            selection=SimpleNamespace(satisfaction=share, robustness_mean=share),
-            wall_seconds=2.0,
-            training_wall_seconds=1.0,
-            env_steps=6000,
-        )
-        return cast(Result, SimpleNamespace(id=cell, measurement=measured))
-
-
-def raced(minutes: float, jobs: int = 1) -> list[Result]:
-    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-    posed.begin(minutes)
-    trainer = Trainer(posed, Clock(minutes), lambda text: None, False, jobs=jobs)
-    winner = trainer.race()
-    return best_first(trainer.final(winner), [winner])
-
-
-def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {("raw", 101): 1.0, ("raw", 200): 0.9, ("raw", 201): 0.95})
-    trained = raced(30.0)
-    assert [(budget, method, seed) for budget, method, _, seed in played.cells] == [
-        ("probe", "funnel", 100),
-        ("rung-1", "funnel", 101),
-        ("rung-1", "raw", 101),
-        ("final", "raw", 200),
-        ("final", "raw", 201),
-    ]
-    assert [result.id.seed for result in trained] == [101, 201, 200]
-
-
-def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The race asks only who learns. What is delivered may still become better."""
-    Played(monkeypatch, {})
-    raced(30.0)
-    budgets = load_task("task").file.budgets
-    assert {name: budget.patience for name, budget in budgets.items()} == {
-        "probe": 1,
-        "rung-1": 1,
-        "rung-2": 1,
-        "final": None,
-    }
-    helped = automatic(load_task("task"), "dqn").file.budgets
-    assert (helped["probe"].patience, helped["final"].patience) == (1, PATIENCE)
-
-
-def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {("funnel", 100): 1.0, ("funnel", 200): 1.0})
-    trained = raced(10.0)
-    assert [cell[0] for cell in played.cells] == ["probe", "final"]
-    assert trained[0].id.seed == 200  # fresh seeds before the race, where both satisfy
-
-
-def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {})
-    trained = raced(3.0)
-    assert played.now <= 180
-    assert [cell[0] for cell in played.cells] == ["probe", "rung-1", "rung-1"]
-    assert {result.id.budget for result in trained} <= {"probe", "rung-1"}
-
-
-def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    played, planned = Played(monkeypatch, {}), dict[float, float]()
-    for minutes in (3.0, 4.0):
-        played.now = 0.0
-        posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-        posed.begin(minutes)
-        (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100])
-        cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
-        Trainer(posed, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
-        seconds = posed.task.budget("final").seconds
-        assert seconds is not None
-        planned[minutes] = seconds
-    assert planned[3.0] > 1.2 * planned[4.0]
-
-
-def test_with_much_time_another_agent_races() -> None:
-    task = pose(Problem("CartPole-v1", FORMULA), Path("out")).task
-    assert {each.agent for each in contestants(task, 10)} == {"dqn"}
-    assert contestants(task, 60)[-1] == Contestant("funnel", "sb3-dqn")
-    assert len(contestants(task, 60)) == 4
-
-
-def test_another_problem_needs_another_folder() -> None:
-    pose(Problem("CartPole-v1", FORMULA), Path("out"))
-    with pytest.raises(UsageError, match="out has another problem, CartPole-v1 G"):
-        pose(Problem("CartPole-v1", "G[0,20] abs(x) <= 1"), Path("out"))
-
-
 def test_each_problem_has_a_folder_of_its_own() -> None:
     first, second = Problem("CartPole-v1", FORMULA), Problem("CartPole-v1", "G[0,20] abs(x) <= 1")
     pose(first, _folder(first))
     assert _folder(first) == Path("solved/cartpole-v1")
     assert _folder(second) == Path("solved/cartpole-v1-2")
+    with pytest.raises(UsageError, match="solved/cartpole-v1 has another problem, CartPole-v1 G"):
+        pose(second, _folder(first))
 
 
 def test_other_minutes_have_other_budgets() -> None:
@@ -352,6 +237,8 @@ def test_the_task_file_of_an_environment() -> None:
     assert content["terminated"] == "hold"
     assert content["signals"]["theta"] == {"low": -3.142, "high": 3.142, "expression": "atan2(y, x)"}
     assert content["signals"]["omega"] == {"low": -8.0, "high": 8.0}
+    long = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
+    assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
     assert len(posed.notes) == 1
     assert re.match("no witness was found: [0-9]+ episodes of held actions", posed.notes[0])
 
@@ -401,19 +288,6 @@ def test_what_is_trivial_or_impossible_is_told() -> None:
     impossible = pose(Problem("Pendulum-v1", "F[0,5] omega >= 9"), Path("other"))
     assert impossible.notes[0] == "impossible: 'omega >= 9' holds nowhere within the ranges of the signals"
     assert "no witness was found" in impossible.notes[1]
-
-
-def test_a_long_formula_holds_actions() -> None:
-    posed = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("out"))
-    assert (posed.task.file.steps, posed.task.file.hold) == (1000, 5)
-
-
-def test_methods_that_race() -> None:
-    methods = contestants(pose(Problem("CartPole-v1", FORMULA), Path("out")).task, 10)
-    assert methods[:2] == (Contestant("funnel", "dqn"), Contestant("raw", "dqn"))
-    again = pose(Problem("Pendulum-v1", "G[0,50] F[0,20] x >= 0"), Path("other")).task
-    assert contestants(again, 10)[0] == Contestant("flag", "td3")
-    assert len(contestants(again, 10)) <= 4
 
 
 @pytest.mark.usefixtures("made")
