@@ -140,15 +140,6 @@ class TestGradient:
         computed(other, work)
         assert np.array_equal(computed(of, work), fresh)
 
-    @shapes
-    @doubles
-    def test_of_many_rows_is_the_mean_of_those_of_one(self, shape: plain_q.Shape, double: bool) -> None:
-        """With double Q-learning and without it are not the same, or the tests could not tell them apart."""
-        of = case(shape, double, 12)
-        rows = [of._replace(**{name: getattr(of, name)[i : i + 1] for name in Case._fields[3:8]}) for i in range(12)]
-        assert furthest(computed(of), np.mean([computed(row) for row in rows], axis=0)) < 1e-12
-        assert furthest(computed(case(shape, True)), computed(case(shape, False))) > 1e-3
-
     def test_by_hand(self) -> None:
         """One hidden unit, two actions, one row.
 
@@ -163,16 +154,6 @@ class TestGradient:
         of = Case(online, target, network, row, np.array([0]), one, np.array([[1.0]]), 0.5 * one, True)
         assert computed(of).tolist() == [4.5 * 3, 4.5, 4.5 * 5, 0, 4.5, 0]
         assert computed(of._replace(double=False)).tolist() == [2.5 * 3, 2.5, 2.5 * 5, 0, 2.5, 0]
-
-    def test_an_action_drawn_often_adds_up_and_one_not_drawn_has_no_gradient(self) -> None:
-        shape = SHAPES[1]
-        of = case(shape, True)
-        of = of._replace(action=np.repeat([5, 2], ROWS // 2))
-        ours = computed(of)
-        assert furthest(ours, plain(shape, of)) < 1e-12
-        matrix, bias = QNetwork(*shape).views(ours)[-2:]
-        assert np.flatnonzero(bias).tolist() == [2, 5]
-        assert np.flatnonzero(matrix.any(axis=1)).tolist() == [2, 5]
 
     def test_a_workspace_of_another_batch_is_refused(self) -> None:
         of = case(SHAPES[0], True)
@@ -211,13 +192,6 @@ class TestAdam:
         assert moved[40:].mean() > 0.05
         assert moved[:40].max() < 1e-6
         assert np.abs(ours - theirs.detach().numpy()).max() < bound
-
-    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-    def test_the_first_step_is_the_rate_against_the_sign(self, dtype: Any) -> None:
-        """Both moments, unbiased, are those of one sample: rate * g / (|g| + 1e-8)."""
-        weights, slope = np.ones(4, dtype), np.array([3, -0.02, 1e-8, 0], dtype)
-        adam(weights, slope, np.zeros(4, dtype), np.zeros(4, dtype), 0.25, 1, 1.0)
-        assert weights == pytest.approx([0.75, 1.25, 0.875, 1], abs=1e-6)
 
     @pytest.mark.parametrize("first", [1.0, -1.0, 0.0, 1e-12, -5e-18])
     def test_moments_of_a_weight_without_gradient_do_not_become_denormal(self, first: float) -> None:

@@ -34,8 +34,9 @@ def test_every_step_is_recorded_and_actions_are_held() -> None:
 
 def test_on_a_grid_the_nearest_action_is_taken() -> None:
     """The grid is -1, 0, 1; whole numbers are speeds, not indices."""
-    for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1), (1, 1)):
+    for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1)):
         assert trace(steered(lambda state, t, v=wanted: np.full((len(state), 1), v)), 0)[0][1] == 0.5 * taken
+    assert trace(steered(lambda state, t: np.full((len(state), 1), 1)), 0)[0][1] == 0.5
 
 
 def test_each_axis_of_a_grid_is_rounded_by_itself() -> None:

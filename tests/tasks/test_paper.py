@@ -87,6 +87,7 @@ def test_what_the_paper_says(name: str) -> None:
 def test_starts_and_ranges_of_the_paper() -> None:
     """The robot of eq. 19 starts anywhere in [0,15] x [0,15]; gamma_0 of the pendulum's first interval is pi."""
     region = load_task("annulus").file.initial
+    assert region is not None
     assert (region.low[:2].tolist(), region.high[:2].tolist()) == ([0, 0], [15, 15])
     pendulum = load_task("pendulum")
     low, high = replace(pendulum.specification, formula=pendulum.formula).range(stl.fragment(pendulum.formula)[0].psi)
@@ -102,6 +103,7 @@ def test_the_coarse_disc_has_another_sampling_time_and_turning_rates_as_the_auth
     assert fine.budget("quick") == coarse.budget("quick")
     assert coarse.file.sampling_time == 0.1
     assert one["actions"]["v"] == other["actions"]["v"]
+    assert isinstance(coarse.actions, ActionGrid)
     assert coarse.actions.axes[1] == (-3, -2.25, -1.5, -0.75, 0, 0.75, 1.5, 2.25, 3)  # as in RECIPES.md
 
 
