@@ -59,6 +59,10 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 }
 """Parameters of agents, the same for every task; another agent trains with its defaults."""
 
+_CONTINUOUS = ("td3", "sb3-td3", "sb3-sac")
+_MOST = 0.98
+"""Of a discount for continuous actions. A goal that an episode reaches late, by a swing say, is not learned with 0.95."""
+
 PATIENCE = 4
 """Checkpoints without a better one after which a training that satisfies may end, where its budget does not say."""
 EXPLORED = 0.25
@@ -110,12 +114,16 @@ def automatic(task: Task, agent: str) -> Task:
 def recipe(agent: str, task: Task) -> dict[str, Any]:
     """The agent's parameters; its defaults where there are no rules for it.
 
-    With G F p, the discount reaches over the longest window of F, of W decisions: it is at least 1 - 1 / (2.5 W).
+    With G F p, the discount reaches over the longest window of F, of W decisions: it is at least 1 - 1 / (2.5 W). For
+    continuous actions it reaches over a quarter of the episode's D decisions, 1 - 4 / D, but is at most 0.98.
     """
     parameters = dict(RECIPES.get(agent, {}))
     if "gamma" in parameters:
         again = max((node.b for node in recurring(task.formula)), default=0) / task.file.hold
-        parameters["gamma"] = max(parameters["gamma"], round(1 - 1 / max(1.0, 2.5 * again), 4))
+        reaches = [parameters["gamma"], 1 - 1 / max(1.0, 2.5 * again)]
+        if agent in _CONTINUOUS:
+            reaches.append(min(_MOST, 1 - 4 * task.file.hold / task.file.steps))
+        parameters["gamma"] = round(max(reaches), 4)
     return parameters
 
 

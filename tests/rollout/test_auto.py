@@ -8,7 +8,7 @@ from helpers.line_task import line
 
 from stlbench.contract import ActionBox, ActionGrid
 from stlbench.registry.choices import Choice
-from stlbench.rollout.auto import cuts
+from stlbench.rollout.auto import cuts, recipe
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.observing import observation_of
 from stlbench.stl import parse
@@ -35,6 +35,23 @@ def test_the_agent_follows_from_the_actions() -> None:
     assert agent_for(ActionBox(("u",), (-1.0,), (1.0,))) == "td3"
     assert agent_for(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)))) == "dqn"
     assert agent_for(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)), (1, 1))) == "dqn-per-robot"
+
+
+@pytest.mark.parametrize(
+    ("name", "agent", "discount"),
+    [
+        ("overlap", "dqn", 0.9),
+        ("fetch-reach", "td3", 0.95),  # 40 decisions
+        ("dwell", "td3", 0.96),  # 100 decisions
+        ("ball-in-cup", "sb3-sac", 0.98),  # 200 decisions
+        ("hopper", "td3", 0.98),  # 1000 decisions
+        ("cartpole-steady", "dqn", 0.96),  # at least once in 10 decisions
+    ],
+)
+def test_the_discount_reaches_over_a_quarter_of_an_episode_or_a_window_that_recurs(
+    name: str, agent: str, discount: float
+) -> None:
+    assert recipe(agent, load_task(name))["gamma"] == discount
 
 
 @pytest.mark.parametrize("name", ["overlap", "pendulum", "formation", "patrol", "cartpole-steady"])
