@@ -61,7 +61,7 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 
 _CONTINUOUS = ("td3", "sb3-td3", "sb3-sac")
 _MOST = 0.98
-"""Of a discount for continuous actions. A goal that an episode reaches late, by a swing say, is not learned with 0.95."""
+"""Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
 
 PATIENCE = 4
 """Checkpoints without a better one after which a training that satisfies may end, where its budget does not say."""
