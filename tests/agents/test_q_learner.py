@@ -100,28 +100,19 @@ def test_many_updates_in_one_call_are_as_many_calls() -> None:
         assert np.array_equal(ours, theirs)
 
 
-def test_a_hard_update_copies_the_weights_every_so_often() -> None:
-    ours = learner(tau=1.0, target_update_interval=3, learning_rate=0.01)
+@pytest.mark.parametrize(("tau", "interval"), [(1.0, 3), (0.25, 1), (0.25, 2)])
+def test_the_target_moves_by_tau_every_so_often(tau: float, interval: int) -> None:
+    """By all of the way where tau is 1; each gradient is that of the loss with the target as it then is."""
+    ours = learner(tau=tau, target_update_interval=interval, learning_rate=0.01)
     target = flat(ours)
     for count in range(1, 8):
         found, expected = both_gradients(ours, count, target)
         assert found == pytest.approx(expected, abs=1e-6)
-        if count in (3, 6):
-            target = flat(ours)
-        assert np.array_equal(ours.weights.target, target)
-        assert count in (3, 6) or np.abs(flat(ours) - target).max() > 5e-3
-
-
-@pytest.mark.parametrize("interval", [1, 2])
-def test_a_soft_update_moves_the_target_by_tau(interval: int) -> None:
-    ours = learner(tau=0.25, target_update_interval=interval, learning_rate=0.01)
-    target = flat(ours)
-    for count in range(1, 6):
-        found, expected = both_gradients(ours, count, target)
-        assert found == pytest.approx(expected, abs=1e-6)
         if count % interval == 0:
-            target = 0.75 * target + 0.25 * flat(ours)
-        assert ours.weights.target == pytest.approx(target, rel=0, abs=1e-6)
+            target = (1 - tau) * target + tau * flat(ours)
+        assert ours.weights.target == pytest.approx(target, rel=0, abs=0 if tau == 1 else 1e-6)
+        copied = tau == 1 and count % interval == 0
+        assert copied or np.abs(flat(ours) - target).max() > 5e-3
 
 
 def test_the_gradient_is_clipped_by_its_norm() -> None:

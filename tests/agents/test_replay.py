@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -105,45 +107,35 @@ def one_copy(kinds: str, n_steps: int = 3, gamma: float = 0.5, scale: float = 1.
 
 
 @pytest.mark.parametrize(
-    ("kinds", "returns", "arrived", "discount"),
+    ("kinds", "settings", "returns", "arrived", "discount"),
     [
         # nothing stops: 1 + 2/2 + 4/4, 2 + 4/2 + 8/4, 4 + 8/2 + 16/4
-        ("-----", [3, 6, 12], [3, 4, 5], [1 / 8, 1 / 8, 1 / 8]),
+        ("-----", {}, [3, 6, 12], [3, 4, 5], [1 / 8, 1 / 8, 1 / 8]),
         # a phase boundary after step 1: 1 + 2/2 and 2, with the value of what step 1 arrived at
-        ("-c---", [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
+        ("-c---", {}, [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
         # the time limit there: the same
-        ("-e---", [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
+        ("-e---", {}, [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
         # a violation there: 2 is worth 2 / (1 - 1/2) = 4, so 1 + 4/2 and 4, and nothing beyond
-        ("-l---", [3, 4, 12], [2, 2, 5], [0, 0, 1 / 8]),
+        ("-l---", {}, [3, 4, 12], [2, 2, 5], [0, 0, 1 / 8]),
         # after step 2, the last of the first window: 1 + 2/2 + 8/4, 2 + 8/2, 8
-        ("--l--", [4, 6, 8], [3, 3, 3], [0, 0, 0]),
+        ("--l--", {}, [4, 6, 8], [3, 3, 3], [0, 0, 0]),
         # one at the first and another at the third: 1, 2 + 4/2, 4
-        ("c-c--", [1, 4, 4], [1, 3, 3], [1 / 2, 1 / 4, 1 / 2]),
+        ("c-c--", {}, [1, 4, 4], [1, 3, 3], [1 / 2, 1 / 4, 1 / 2]),
+        # without a discount a violation counts once: 1 + 2 and 2
+        ("-l-", {"n_steps": 2, "gamma": 1.0}, [3, 2], [2, 2], [0, 0]),
+        # the scale multiplies every reward, also the last one, and no discount
+        ("-l---", {"scale": 10.0}, [30, 40, 120], [2, 2, 5], [0, 0, 1 / 8]),
+        # a time limit bootstraps, or is terminal; a cut always bootstraps; 8 / (1 - 1/2) is the violation's
+        ("-cel-", {"n_steps": 1}, [1, 2, 4, 16, 16], [1, 2, 3, 4, 5], [1 / 2, 1 / 2, 1 / 2, 0, 1 / 2]),
+        ("-cel-", {"n_steps": 1, "limit": True}, [1, 2, 4, 16, 16], [1, 2, 3, 4, 5], [1 / 2, 1 / 2, 0, 0, 1 / 2]),
     ],
 )
-def test_returns_that_stop(kinds: str, returns: list[float], arrived: list[float], discount: list[float]) -> None:
-    batch = one_copy(kinds)
+def test_returns_that_stop(
+    kinds: str, settings: dict[str, Any], returns: list[float], arrived: list[float], discount: list[float]
+) -> None:
+    batch = one_copy(kinds, **settings)
     assert (batch.returns.tolist(), batch.discount.tolist()) == (returns, discount)
     assert batch.arrived[:, 0].tolist() == arrived
-
-
-@pytest.mark.parametrize(("limit", "at_the_end"), [(False, 0.5), (True, 0.0)])
-def test_a_time_limit_bootstraps_or_is_terminal_and_a_cut_always_bootstraps(limit: bool, at_the_end: float) -> None:
-    """The reward at the time limit counts once, that of a violation for ever."""
-    batch = one_copy("-cel-", n_steps=1, limit=limit)
-    assert batch.returns.tolist() == [1, 2, 4, 16, 16]
-    assert batch.discount.tolist() == [0.5, 0.5, at_the_end, 0, 0.5]
-
-
-def test_without_a_discount_the_reward_of_a_violation_counts_once() -> None:
-    batch = one_copy("-l-", n_steps=2, gamma=1)
-    assert (batch.returns.tolist(), batch.discount.tolist()) == ([3, 2], [0, 0])
-
-
-def test_the_scale_multiplies_every_reward_and_no_discount() -> None:
-    batch = one_copy("--l--", scale=10)
-    assert (batch.returns.tolist(), batch.discount.tolist()) == ([40, 60, 80], [0, 0, 0])
-    assert one_copy("-----", scale=10).returns.tolist() == [30, 60, 120]
 
 
 def test_a_place_in_the_ring_after_which_nothing_followed_is_forgotten_when_it_is_written_again() -> None:
