@@ -10,8 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-import yaml
-from solver.conftest import FORMULA
+from solver.conftest import FORMULA, POINT
 from typer.testing import CliRunner
 
 import stlbench
@@ -21,7 +20,6 @@ from stlbench.rollout import referee
 from stlbench.solver.contestants import rank
 from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem
-from stlbench.solver.run import _folder
 from stlbench.solver.solution import Solution
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
@@ -29,66 +27,7 @@ from stlbench.study.run import run_study
 HARD = "G[0,20] abs(theta) <= 0.04"
 """A fifth of the starts violate it at once, so that no training satisfies from all starts."""
 
-ENVIRONMENTS = '''
-"""Made-up environments."""
-import gymnasium
-import numpy as np
-from gymnasium.spaces import Box, Dict, Discrete
-
-class Quitter(gymnasium.Env):
-    """Ends at its first step."""
-    observation_space, action_space = Box(-1, 1, (2,)), Discrete(2)
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        return self.np_random.uniform(-1, 1, 2).astype(np.float32), {}
-    def step(self, action):
-        return np.zeros(2, np.float32), 0.0, True, False, {}
-
-class Point(gymnasium.Env):
-    """A point and its goal, as a Dict. The height never changes."""
-    observation_space = Dict({"place": Box(-2, 2, (2,)), "goal": Box(-1, 1, (1,)), "height": Box(0, 1, (1,))})
-    action_space = Box(-1, 1, (1,))
-    def _seen(self):
-        return {"place": self.p.copy(), "goal": self.g, "height": np.full(1, 0.5, np.float32)}
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.p = self.np_random.uniform(-1, 1, 2).astype(np.float32)
-        self.g = self.np_random.uniform(-1, 1, 1).astype(np.float32)
-        return self._seen(), self._told()
-    def step(self, action):
-        self.p[0] = np.clip(self.p[0] + 0.1 * action[0], -2, 2)
-        return self._seen(), 0.0, False, False, self._told()
-    def _told(self):
-        far = abs(float(self.p[0] - self.g[0]))
-        return {"far": far, "reached": far < 0, "steady": 3.0, "name": "point"}
-
-class Word(gymnasium.Space):
-    """No numbers."""
-    def sample(self, mask=None, probability=None):
-        return "go"
-    def contains(self, x):
-        return isinstance(x, str)
-
-class Talker(Point):
-    """Says a word."""
-    observation_space = Dict({"place": Box(-2, 2, (1,)), "word": Word()})
-    def _seen(self):
-        return {"place": self.p[:1].copy(), "word": "go"}
-
-gymnasium.register("Talker-v0", Talker, max_episode_steps=30)
-gymnasium.register("Quitter-v0", Quitter, max_episode_steps=30)
-gymnasium.register("Point-v0", Point, max_episode_steps=30)
-'''
-
-POINT = "zz_made:Point-v0"
 DISTANCE = {"d": "abs(obs[place][0] - obs[goal])"}
-
-
-@pytest.fixture
-def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Environments in a module of the working directory."""
-    (tmp_path / "zz_made.py").write_text(ENVIRONMENTS)
-    monkeypatch.syspath_prepend(str(tmp_path))
 
 
 def say(*words: str) -> Any:
@@ -208,86 +147,12 @@ def interrupt(*args: Any, **options: Any) -> Results:
     raise KeyboardInterrupt
 
 
-def test_each_problem_has_a_folder_of_its_own() -> None:
-    first, second = Problem("CartPole-v1", FORMULA), Problem("CartPole-v1", "G[0,20] abs(x) <= 1")
-    pose(first, _folder(first))
-    assert _folder(first) == Path("solved/cartpole-v1")
-    assert _folder(second) == Path("solved/cartpole-v1-2")
-    with pytest.raises(UsageError, match="solved/cartpole-v1 has another problem, CartPole-v1 G"):
-        pose(second, _folder(first))
-
-
 def test_other_minutes_have_other_budgets() -> None:
     small("CartPole-v1", FORMULA)
     posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
     posed.begin(2.0)
     assert set(posed.task.file.budgets) == {"probe"}
     assert posed.state["methods"] is None
-
-
-def test_the_task_file_of_an_environment() -> None:
-    signals = {"theta": "atan2(obs[1], obs[0])"}
-    posed = pose(
-        Problem("Pendulum-v1", "G[2,5] abs(theta) <= 0.2 & F[0,10] omega > 1", signals, "seconds"), Path("out")
-    )
-    content = yaml.safe_load(Path("out/task/task.yaml").read_text())
-    assert content["environment"] == {"id": "Pendulum-v1", "names": ["x", "y", "omega"]}
-    assert (content["steps"], content["hold"], content["sampling_time"]) == (200, 1, 0.05)
-    assert content["formula"] == "G[40,100] abs(theta) <= 0.2 & F[0,200] omega > 1"
-    assert content["terminated"] == "hold"
-    assert content["signals"]["theta"] == {"low": -3.142, "high": 3.142, "expression": "atan2(y, x)"}
-    assert content["signals"]["omega"] == {"low": -8.0, "high": 8.0}
-    long = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
-    assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
-    assert len(posed.notes) == 1
-    assert re.match("no witness was found: [0-9]+ episodes of held actions", posed.notes[0])
-
-
-@pytest.mark.usefixtures("made")
-def test_signals_from_the_info() -> None:
-    pose(Problem(POINT, "F[0,9] reached > 0.5 | G[0,9] near <= 1", {"near": "far + abs(obs[goal])"}), Path("out"))
-    content = yaml.safe_load(Path("out/task/task.yaml").read_text())
-    assert content["signals"]["reached"] == {"low": 0.0, "high": 1.0}
-    near = content["signals"]["near"]
-    assert (near["expression"], near["low"]) == ("far + abs(goal)", 0.0)
-    assert 3 < near["high"] <= 11
-
-
-@pytest.mark.usefixtures("made")
-def test_words_in_an_observation_are_left_out() -> None:
-    posed = pose(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
-    assert posed.task.source.observed.size == 1
-    assert posed.task.source.observed.flat({"place": np.array([0.5]), "word": Word().sample()}).tolist() == [0.5]
-
-
-class Word(gymnasium.Space[str]):
-    """No numbers, as MiniGrid's mission."""
-
-    def sample(self, mask: Any = None, probability: Any = None) -> str:
-        return "go"
-
-
-@pytest.mark.usefixtures("made")
-def test_a_witness_is_kept_and_satisfies() -> None:
-    posed = pose(Problem(POINT, "F[0,29] abs(obs0) <= 0.1".replace("obs0", "place0")), Path("out"))
-    assert "a witness exists" in " ".join(posed.notes)
-    found = json.loads(Path("out/witness.json").read_text())
-    env = gymnasium.make(POINT)
-    place = env.reset(seed=int(found["start"][0]))[0]["place"][0]
-    nearest = abs(place)
-    for step in range(29):
-        action = found["actions"][step * len(found["actions"]) // 29]
-        nearest = min(nearest, abs(float(env.step(np.array(action))[0]["place"][0])))
-    assert nearest <= 0.1
-    assert found["robustness"] == pytest.approx(0.1 - nearest, abs=1e-6)
-
-
-def test_what_is_trivial_or_impossible_is_told() -> None:
-    trivial = pose(Problem("Pendulum-v1", "G[0,5] abs(omega) <= 8.5"), Path("out"))
-    assert trivial.notes[0].partition(" %")[0] == "trivial: by the action zero 100"
-    impossible = pose(Problem("Pendulum-v1", "F[0,5] omega >= 9"), Path("other"))
-    assert impossible.notes[0] == "impossible: 'omega >= 9' holds nowhere within the ranges of the signals"
-    assert "no witness was found" in impossible.notes[1]
 
 
 @pytest.mark.usefixtures("made")

@@ -1,0 +1,85 @@
+"""A problem becomes a task: its folder, its file, its signals, and what is known of it before any training."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import yaml
+from solver.conftest import FORMULA, POINT
+
+from stlbench.errors import UsageError
+from stlbench.solver.posed import pose
+from stlbench.solver.problem import Problem
+from stlbench.solver.run import _folder
+
+
+def test_each_problem_has_a_folder_of_its_own() -> None:
+    first, second = Problem("CartPole-v1", FORMULA), Problem("CartPole-v1", "G[0,20] abs(x) <= 1")
+    pose(first, _folder(first))
+    assert _folder(first) == Path("solved/cartpole-v1")
+    assert _folder(second) == Path("solved/cartpole-v1-2")
+    with pytest.raises(UsageError, match="solved/cartpole-v1 has another problem, CartPole-v1 G"):
+        pose(second, _folder(first))
+
+
+def test_the_task_file_of_an_environment() -> None:
+    signals = {"theta": "atan2(obs[1], obs[0])"}
+    posed = pose(
+        Problem("Pendulum-v1", "G[2,5] abs(theta) <= 0.2 & F[0,10] omega > 1", signals, "seconds"), Path("out")
+    )
+    content = yaml.safe_load(Path("out/task/task.yaml").read_text())
+    assert content["environment"] == {"id": "Pendulum-v1", "names": ["x", "y", "omega"]}
+    assert (content["steps"], content["hold"], content["sampling_time"]) == (200, 1, 0.05)
+    assert content["formula"] == "G[40,100] abs(theta) <= 0.2 & F[0,200] omega > 1"
+    assert content["terminated"] == "hold"
+    assert content["signals"]["theta"] == {"low": -3.142, "high": 3.142, "expression": "atan2(y, x)"}
+    assert content["signals"]["omega"] == {"low": -8.0, "high": 8.0}
+    long = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
+    assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
+    assert len(posed.notes) == 1
+    assert re.match("no witness was found: [0-9]+ episodes of held actions", posed.notes[0])
+
+
+@pytest.mark.usefixtures("made")
+def test_signals_from_the_info() -> None:
+    pose(Problem(POINT, "F[0,9] reached > 0.5 | G[0,9] near <= 1", {"near": "far + abs(obs[goal])"}), Path("out"))
+    content = yaml.safe_load(Path("out/task/task.yaml").read_text())
+    assert content["signals"]["reached"] == {"low": 0.0, "high": 1.0}
+    near = content["signals"]["near"]
+    assert (near["expression"], near["low"]) == ("far + abs(goal)", 0.0)
+    assert 3 < near["high"] <= 11
+
+
+@pytest.mark.usefixtures("made")
+def test_words_in_an_observation_are_left_out() -> None:
+    posed = pose(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
+    assert posed.task.source.observed.size == 1
+    assert posed.task.source.observed.flat({"place": np.array([0.5]), "word": "go"}).tolist() == [0.5]
+
+
+@pytest.mark.usefixtures("made")
+def test_a_witness_is_kept_and_satisfies() -> None:
+    posed = pose(Problem(POINT, "F[0,29] abs(place0) <= 0.1"), Path("out"))
+    assert "a witness exists" in " ".join(posed.notes)
+    found = json.loads(Path("out/witness.json").read_text())
+    env = gymnasium.make(POINT)
+    place = env.reset(seed=int(found["start"][0]))[0]["place"][0]
+    nearest = abs(place)
+    for step in range(29):
+        action = found["actions"][step * len(found["actions"]) // 29]
+        nearest = min(nearest, abs(float(env.step(np.array(action))[0]["place"][0])))
+    assert nearest <= 0.1
+    assert found["robustness"] == pytest.approx(0.1 - nearest, abs=1e-6)
+
+
+def test_what_is_trivial_or_impossible_is_told() -> None:
+    trivial = pose(Problem("Pendulum-v1", "G[0,5] abs(omega) <= 8.5"), Path("out"))
+    assert trivial.notes[0].partition(" %")[0] == "trivial: by the action zero 100"
+    impossible = pose(Problem("Pendulum-v1", "F[0,5] omega >= 9"), Path("other"))
+    assert impossible.notes[0] == "impossible: 'omega >= 9' holds nowhere within the ranges of the signals"
+    assert "no witness was found" in impossible.notes[1]
