@@ -118,7 +118,7 @@ class TestGradient:
     @doubles
     def test_against_autograd_in_double_precision(self, shape: plain_q.Shape, double: bool) -> None:
         """Rounding is 1e-16 an operation: 1e-12 leaves room for sums in any order and for nothing else."""
-        for seed, rows in enumerate((ROWS, ROWS, 1)):
+        for seed, rows in enumerate((ROWS, ROWS - 5, 1)):
             of = case(shape, double, rows, seed=seed)
             assert furthest(computed(of), plain(shape, of)) < 1e-12
 
