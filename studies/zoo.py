@@ -1,4 +1,4 @@
-"""Write the policies that come with stlbench: seed 0 of the reference's tasks that train in seconds.
+"""Write the policies that come with stlbench: seed 0 of the reference's twelve tasks.
 
     stlbench run studies/zoo.yaml
     python studies/zoo.py results/zoo

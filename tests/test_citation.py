@@ -21,6 +21,7 @@ def test_the_files_describe_one_release() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert {CITATION["version"], ZENODO["version"], CODEMETA["version"]} == {stlbench.__version__}
     assert CITATION["title"] == ZENODO["title"]
+    assert len(CITATION["authors"]) == len(ZENODO["creators"]) == len(CODEMETA["author"])
     assert CITATION["abstract"] == ZENODO["description"] == CODEMETA["description"]
     assert CITATION["keywords"] == ZENODO["keywords"] == CODEMETA["keywords"] == project["keywords"]
     assert CITATION["license"] == ZENODO["license"] == CODEMETA["license"].rpartition("/")[2] == project["license"]

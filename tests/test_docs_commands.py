@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import typer
 import yaml
+from helpers.command_lines import parsed
 
 from stlbench.cli import app
 from stlbench.contract import Outcome
@@ -56,17 +57,6 @@ def rows(page: str, heading: str) -> dict[str, list[str]]:
     start = next(number for number, line in enumerate(after) if line.startswith("|"))
     cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in takewhile(lambda line: line.startswith("|"), after[start:])]
     return {first.strip().strip("`"): [cell.strip() for cell in rest] for first, *rest in cells[2:]}
-
-
-def parsed(words: list[str]) -> dict[str, object]:
-    """The parameters of the command that these words would run."""
-    command: Any = typer.main.get_command(app)
-    path = list[str]()
-    while hasattr(command, "commands") and not words[0].startswith("-"):
-        assert words[0] in command.commands, f"no command '{words[0]}'"
-        command, path, words = command.commands[words[0]], [*path, words[0]], words[1:]
-    with command.make_context(" ".join(path), list(words)) as context:  # which leaves stdout as it was
-        return dict(context.params)
 
 
 def test_there_are_commands() -> None:

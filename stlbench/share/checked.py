@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import stat
 import tempfile
 import zipfile
 import zlib
@@ -83,8 +84,8 @@ def _inside(error: ValueError, folder: Path) -> str:
 def unpacked(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """A bundle's files in a temporary folder, and what is wrong with them, a line each.
 
-    A file is unpacked only if the bundle lists it, a bundle may hold it, and its path stays inside the folder. Raises
-    `UsageError` if the file is no bundle, or is larger than `LARGEST`.
+    A file is unpacked only if the bundle lists it, a bundle may hold it, it is no link, and its path stays inside the
+    folder. Raises `UsageError` if the file is no bundle, or is larger than `LARGEST`.
     """
     try:
         with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="stlbench-") as name:
@@ -113,6 +114,8 @@ def _unpack(archive: zipfile.ZipFile, folder: Path) -> Iterator[str]:
             yield f"{name}: not a path inside the bundle"
         elif not may_hold(name):
             yield f"{name}: no file of a bundle"
+        elif stat.S_ISLNK(members[name].external_attr >> 16):
+            yield f"{name}: a link, and no bundle has links"
         elif problem := _extract(archive, members[name], content, folder / name):
             yield f"{name}: {problem}"
 
@@ -123,7 +126,7 @@ def _stays_inside(name: str) -> bool:
 
 
 def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content, target: Path) -> str:
-    """Write a file, or say what is wrong with it. A link in the zip becomes a file with a path in it."""
+    """Write a file, or say what is wrong with it."""
     if member.file_size != content.size:
         return f"{member.file_size} bytes, and {METADATA} says {content.size}"
     digest = hashlib.sha256()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stlbench import __version__
 from stlbench.contract import ActionGrid, Array, Integers, Policy
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, unwritable
 from stlbench.records.outputs import inside, write
 from stlbench.records.result import Result
 from stlbench.rollout import referee
@@ -54,7 +54,7 @@ def export(folder: Path, target: Path) -> list[Path]:
     """Write a data set for each task and track whose policies are stored; the folders of the data sets.
 
     A data set is in `stlbench/TASK-TRACK-v0` below the target, in Minari's layout, with a card beside it. Raises
-    `UsageError` if Minari is missing, no policy is stored, or a data set is there already.
+    `UsageError` if Minari is missing, no policy is stored, a data set is there already, or it cannot be written.
     """
     try:
         import minari.dataset.minari_storage  # noqa: F401
@@ -65,7 +65,11 @@ def export(folder: Path, target: Path) -> list[Path]:
         groups[_name(result)].append(result)
     if not groups:
         raise UsageError(f"{folder} has no stored policy, which could act again")
-    return [_write(folder, group, name, inside(target / name, target)) for name, group in groups.items()]
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        return [_write(folder, group, name, inside(target / name, target)) for name, group in groups.items()]
+    except OSError as error:
+        raise unwritable(f"cannot write {target}", error) from error
 
 
 def _name(result: Result) -> str:

@@ -29,11 +29,11 @@ def with_policies(folder: Path) -> Results:
 def take(folder: Path, result: Result, target: Path) -> list[Path]:
     """Write the policy of a cell as a folder of results of its own, with its record and a model card; the files.
 
-    All commands that take `--results` read the folder. Raises `UsageError` if it holds results already, or the policy
-    is missing or not as it was recorded.
+    All commands that take `--results` read the folder. Raises `UsageError` if something is there already, which would
+    be written over, or the policy is missing or not as it was recorded.
     """
-    if stored.locate(target) is not None:
-        raise UsageError(f"{target} holds results already; name another folder")
+    if target.exists():
+        raise UsageError(f"{target} is there already; name a new folder")
     read(folder, result, "selected")
     content = cell_files(folder, result.id, result.key).policies.read_bytes()
     record = target / stored.LINES

@@ -71,6 +71,15 @@ def test_minari_reads_it_and_the_labels_are_the_referee_s(mine: Path, tmp_path: 
     assert "is there already" in export(mine, tmp_path)
 
 
+def test_a_file_in_place_of_the_folder_is_one_line(mine: Path, tmp_path: Path) -> None:
+    pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    (tmp_path / "out").touch()
+    said = export(mine, tmp_path / "out")
+    assert said.startswith(f"error: cannot write {tmp_path / 'out'}: ")
+    assert said.count("\n") == 1
+
+
 def test_results_without_policies_are_one_line(tmp_path: Path) -> None:
     pytest.importorskip("minari")
     pytest.importorskip("h5py")

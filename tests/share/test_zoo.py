@@ -60,9 +60,18 @@ def test_one_that_is_taken_is_a_folder_of_results_with_a_card(tmp_path: Path) ->
         f"{CELL}, selected policy"
     )
     assert stlbench("policies", "list", "--results", tmp_path / "mine").count("integrator-or") == 1
-    again = CliRunner().invoke(app, ["policies", "get", CELL, str(tmp_path / "mine")])
-    assert again.exit_code == 2
-    assert again.stderr == f"error: {tmp_path / 'mine'} holds results already; name another folder\n"
+
+
+def test_nothing_that_is_there_is_written_over(tmp_path: Path) -> None:
+    folder, file = tmp_path / "mine", tmp_path / "mine" / "README.md"
+    folder.mkdir()
+    file.write_text("my own")
+    for target in (folder, file):
+        done = CliRunner().invoke(app, ["policies", "get", CELL, str(target)])
+        assert done.exit_code == 2
+        assert done.stderr == f"error: {target} is there already; name a new folder\n"
+    assert [*folder.iterdir()] == [file]
+    assert file.read_text() == "my own"
 
 
 def test_a_policy_that_was_changed_is_not_taken(tmp_path: Path) -> None:
