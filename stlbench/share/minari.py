@@ -65,9 +65,13 @@ def export(folder: Path, target: Path) -> list[Path]:
         groups[_name(result)].append(result)
     if not groups:
         raise UsageError(f"{folder} has no stored policy, which could act again")
+    places = {name: inside(target / name, target) for name in groups}
+    for place in places.values():  # before a policy acts, so that none or all are written
+        if (place / "data").exists():
+            raise UsageError(f"{place} is there already; remove it, or name another folder with --out")
     try:
         target.mkdir(parents=True, exist_ok=True)
-        return [_write(folder, group, name, inside(target / name, target)) for name, group in groups.items()]
+        return [_write(folder, group, name, places[name]) for name, group in groups.items()]
     except OSError as error:
         raise unwritable(f"cannot write {target}", error) from error
 
@@ -82,8 +86,6 @@ def _write(folder: Path, group: Sequence[Result], name: str, place: Path) -> Pat
     from minari.data_collector import EpisodeBuffer
     from minari.dataset.minari_storage import MinariStorage
 
-    if (place / "data").exists():
-        raise UsageError(f"{place} is there already; remove it, or name another folder with --out")
     buffers, labels = list[EpisodeBuffer](), list[dict[str, Any]]()
     for result in group:
         played = ask_one(Question(play, (folder, result), plugins_of(result.id), f"{result.id.name} cannot act"))
