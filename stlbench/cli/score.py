@@ -21,7 +21,7 @@ from stlbench.registry.choices import Choice, parse_choice
 from stlbench.registry.folders import task_of
 from stlbench.report import Report, Table, condense
 from stlbench.report.tables.cells import scores_table
-from stlbench.share.rescored import score_question
+from stlbench.share.rescored import Rescored, score_question
 from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
 from stlbench.share.source import find_source
 from stlbench.study.plugin_guard import ask_one
@@ -107,18 +107,20 @@ def score_cell(
     which: Literal["selected", "final"],
     as_json: bool,
 ) -> None:
-    """Score a stored policy on a task, or on its own, and say whether the score is the recorded one."""
+    """Score a stored policy on a task, or on its own, and say how the score compares with the recorded one."""
     result = Results.load(results).cell(cell, budget)
     task = on or result.id.task
     scores = ask_one(score_question(task, result, results, which))
     assert result.measurement is not None
     recorded = result.measurement.selected if which == "selected" else result.measurement.final
-    as_recorded = scores == recorded if task == result.id.task else None
-    words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
+    as_recorded, verdict = None, "another task than its own"
+    if task == result.id.task:
+        as_recorded = scores == recorded
+        verdict = Rescored(result.id, recorded, scores).verdict.replace("claims more", "worse than recorded")
     facts = {"cell": result.id.name, "policy": which, "task": str(task), "as_recorded": as_recorded}
 
     def text() -> Iterator[str | Table]:
-        yield f"{result.id.name}, {which} policy, on {task}: {words[as_recorded]}"
+        yield f"{result.id.name}, {which} policy, on {task}: {verdict}"
         yield scores_table({"": scores})
         _warn_of_ends(scores)
 

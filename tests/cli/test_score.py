@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -206,6 +207,19 @@ class TestStored:
             assert done.exit_code == 0
             assert done.stdout.startswith(f"{CELL}, {policy} policy, on toy-line: as recorded")
         assert Path("results/ledger.sqlite").read_bytes() == before
+
+    @pytest.mark.parametrize(("more", "verdict"), [(0.001, "within rounding"), (0.1, "worse than recorded")])
+    def test_it_says_how_a_score_differs(self, say, more, verdict):
+        """Another processor, or another version of MuJoCo, gives the same policy a slightly other score."""
+        say("export", "results", "--format", "jsonl", "--out", "other")
+        shutil.copytree("results/policies", "other/policies")
+        cells = list(map(json.loads, Path("other/cells.jsonl").read_text().splitlines()))
+        for cell in cells:
+            for score in cell["measurement"]["selected"].values():
+                score["robustness"] = [value + more * abs(value) for value in score["robustness"]]
+        Path("other/cells.jsonl").write_text("".join(json.dumps(cell) + "\n" for cell in cells))
+        said = say("score", "toy-line", CELL, "--results", "other").stdout
+        assert said.startswith(f"{CELL}, selected policy, on toy-line: {verdict}")
 
     def test_on_another_task(self, say):
         again = json.loads(say("score", "toy-line[hold=2]", CELL, "--json").stdout)
