@@ -25,6 +25,7 @@ _DECISIONS = 200
 _BY_HAND = {"notes", "rewarded", "nested", "training", "features", "best_known", "baselines", "protocols", "budgets"}
 """What a task file says for training or for another formula. The track `auto` derives its own."""
 _ENTRY = re.compile(r"\bobs\[(\w+)\](?:\[(\d+)\])?")
+_VERSION = re.compile(r"-v\d+$")
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,14 @@ def content_of(problem: Problem, home: Path) -> dict[str, Any]:
 
     Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal.
     """
-    name = problem.environment
-    known = folders.is_path(name) or plugins.known("tasks", name) is not None
-    return _of_task(problem, home) if known else _of_environment(problem)
+    return _of_task(problem, home) if _is_task(problem.environment) else _of_environment(problem)
+
+
+def _is_task(name: str) -> bool:
+    """A path is a task, unless it is no folder and has a version: ids of Gymnasium have slashes too, `ALE/Pong-v5`."""
+    if folders.is_path(name):
+        return Path(name).is_dir() or _VERSION.search(name) is None
+    return plugins.known("tasks", name) is not None
 
 
 # ------------------------------------------------------------------------------------------------------------ of a task

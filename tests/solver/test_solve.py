@@ -43,6 +43,8 @@ def say(*words: str) -> Any:
         ([POINT, "G[0,9] steady <= 1"], "signal steady is constant, 3 in 16 episodes"),
         ([POINT, "G[0,9] fra <= 1"], "no signal 'fra'; did you mean 'far'"),
         (["CartPole-v1", "G[0,600] x <= 1"], "looks 600 steps ahead, and an episode of CartPole-v1 has 500"),
+        (["zz_space/Nothing-v5", FORMULA], "environment zz_space/Nothing-v5 cannot be made"),
+        (["zz_space/nothing"], "there is no such folder"),
         (["zz_made:Quitter-v0", "G[0,9] o0 <= 1"], "the environment ends at once"),
         (["CartPole-v1", FORMULA, "--minutes", "0.0001"], "minutes are too short"),
         (["CartPole-v1", "G[0,20] abs(thta) <= 1"], "no signal 'thta'; did you mean 'theta'"),
