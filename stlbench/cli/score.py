@@ -21,7 +21,7 @@ from stlbench.registry.choices import Choice, parse_choice
 from stlbench.registry.folders import task_of
 from stlbench.report import Report, Table, condense
 from stlbench.report.tables.cells import scores_table
-from stlbench.share.rescored import Rescored, score_question
+from stlbench.share.rescored import AS_RECORDED, CLAIMS_MORE, Rescored, score_question
 from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
 from stlbench.share.source import find_source
 from stlbench.study.plugin_guard import ask_one
@@ -115,8 +115,9 @@ def score_cell(
     recorded = result.measurement.selected if which == "selected" else result.measurement.final
     as_recorded, verdict = None, "another task than its own"
     if task == result.id.task:
-        as_recorded = scores == recorded
-        verdict = Rescored(result.id, recorded, scores).verdict.replace("claims more", "worse than recorded")
+        verdict = Rescored(result.id, recorded, scores).verdict
+        as_recorded = verdict == AS_RECORDED
+        verdict = "worse than recorded" if verdict == CLAIMS_MORE else verdict
     facts = {"cell": result.id.name, "policy": which, "task": str(task), "as_recorded": as_recorded}
 
     def text() -> Iterator[str | Table]:

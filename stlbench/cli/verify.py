@@ -17,7 +17,7 @@ from stlbench.records.result import reported
 from stlbench.records.verify import Verified
 from stlbench.report import Column, Table, Value
 from stlbench.share.checked import Checked, check
-from stlbench.share.rescored import Rescored
+from stlbench.share.rescored import CLAIMS_MORE, Rescored
 from stlbench.share.rescored import rescore as rescore_policies
 
 _SHOWN = 10  # the most files without a result that are listed
@@ -105,7 +105,7 @@ def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
             typer.echo(f"[{len(scored)}/{checked.policies}] {each.cell.name}: {each.verdict}{why}", err=True)
     facts = {"whole": not checked.problems, **checked._asdict(), "rescored": [_rescored(each) for each in scored]}
     show(as_json, facts, _bundle_text(path, checked, scored))
-    if checked.problems or any(each.verdict == "claims more" for each in scored):
+    if checked.problems or any(each.verdict == CLAIMS_MORE for each in scored):
         raise typer.Exit(1)
 
 

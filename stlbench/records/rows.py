@@ -75,9 +75,9 @@ def cell_of(*identity: str | int) -> CellId:
     return CellId(of_task, of_method, of_agent, seed, str(budget), cast(Track, str(track)))
 
 
-def texts(cell: CellId) -> tuple[str, str, str, int, str, str]:
+def texts(cell: CellId) -> tuple[str | int, ...]:
     """The columns `IDENTITY` of a cell."""
-    return str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget, cell.track
+    return tuple(cell.plain.values())
 
 
 def values(result: Result, folder: Path, failures: int) -> dict[str, str | int | float | None]:

@@ -26,6 +26,9 @@ from stlbench.task import load_task
 MORE = 0.01
 """The share of robustness and of starts that a bundle may claim beyond the referee's score. Another processor rounds
 differently, and a policy with two nearly equal actions may then take the other one."""
+CLAIMS_MORE, AS_RECORDED = "claims more", "as recorded"
+VERDICTS = (CLAIMS_MORE, "not scored", "within rounding", AS_RECORDED)
+"""What is said of a policy that was scored again, the worst first."""
 
 
 class Rescored(NamedTuple):
@@ -38,17 +41,17 @@ class Rescored(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """In words; "claims more" if by any protocol the referee's score is less than `MORE` allows."""
+        """One of `VERDICTS`; `CLAIMS_MORE` if by any protocol the referee's score is less than `MORE` allows."""
         if self.found is None:
             return "not scored"
         if self.found == self.recorded:
-            return "as recorded"
+            return AS_RECORDED
         for name, said in self.recorded.items():
             found = self.found.get(name)
             if found is None or said.mean - found.mean > MORE * abs(said.mean):
-                return "claims more"
+                return CLAIMS_MORE
             if said.satisfaction - found.satisfaction > MORE:
-                return "claims more"
+                return CLAIMS_MORE
         return "within rounding"
 
 
@@ -88,8 +91,6 @@ def score_again(choice: Choice, result: Result, folder: Path, which: Which) -> M
 
 
 _NAME = re.compile(r"[A-Za-z0-9._+-]+")  # names of files that can be parameters of a method
-_VERDICTS = ("claims more", "not scored", "within rounding", "as recorded")
-"""What is said of a policy that was scored again, the worst first."""
 Tell = Callable[[str, str], None]  # is told a cell's name and the verdict on it
 
 
@@ -105,7 +106,7 @@ class Bundle:
     @property
     def is_fine(self) -> bool:
         """Whether it is not refused, and claims no more than was found."""
-        return not self.problems and self.verdict != "claims more"
+        return not self.problems and self.verdict != CLAIMS_MORE
 
 
 def read_bundles(paths: Sequence[Path], rescore: bool, tell: Tell) -> list[Bundle]:
@@ -138,7 +139,7 @@ def _read(path: Path, again: bool, tell: Tell) -> Bundle:
     with unpacked(path) as (folder, _):
         results = tuple(_named(result, path.stem, found.get(result.id)) for result in results_in(folder))
         facts = read_metadata((folder / METADATA).read_text(encoding="utf-8")).about
-    return Bundle(path, facts, results, next((word for word in _VERDICTS if word in verdicts), None))
+    return Bundle(path, facts, results, next((word for word in VERDICTS if word in verdicts), None))
 
 
 def _named(result: Result, bundle: str, scores: Mapping[str, Score] | None) -> Result:
