@@ -54,6 +54,18 @@ class Ledger(Records):
             failures = (before[0] if before else 0) + 1 if result.status in ACCIDENTS else 0
             _insert(database, values(result, self.path.parent, failures))
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has neither a plan nor a result."""
+        return not self.planned() and not self.listed()
+
+    def fill(self, cells: Mapping[str, CellId], results: Iterable[Result]) -> None:
+        """Write the cells of a study, by key, and results, all or none of them."""
+        with self._writing() as database:
+            _add_plan(database, cells)
+            for result in results:
+                _insert(database, values(result, self.path.parent, int(result.status in ACCIDENTS)))
+
     def mark(self, key: str, own: str) -> None:
         """Have the next run measure the cell with this key. Its result counts until then.
 

@@ -75,6 +75,17 @@ def missing(path: Path) -> dict[str, CellId]:
         return {key: cell for key, cell in ledger.planned().items() if cell in lacking}
 
 
+def take_over(folder: Path, ledger: Ledger) -> None:
+    """Give the ledger of a folder, where it is empty, what `cells.jsonl` says: a study that is kept as text goes on.
+
+    Raises `UsageError` as `read`; then the ledger stays empty.
+    """
+    lines = folder / LINES
+    if lines.is_file() and ledger.is_empty:
+        results = list(_read_lines(lines))
+        ledger.fill({**missing(lines), **{result.key: result.id for result in results}}, results)
+
+
 def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, CellId] | None = None) -> int:
     """Write `lines` into a file; how many there are. Raises `UsageError` if that is not possible."""
     text = lines(results, planned)

@@ -10,6 +10,7 @@ from typing import Any, Protocol, cast, runtime_checkable
 
 from stlbench.contract import Executor, Work
 from stlbench.errors import UsageError
+from stlbench.records import stored
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
@@ -169,6 +170,7 @@ def run_cells(
     with Ledger(folder / FILE) as ledger:
         notes = check_cells(_missing(cells, ledger, retry, attempts))
     with writing(folder), Ledger(folder / FILE) as ledger:
+        stored.take_over(folder, ledger)
         missing = _missing(cells, ledger, retry, attempts)
         if retry and attempts and (lost := ledger.given_up({cell.key for cell in cells}, attempts)):
             notes = (_given_up(lost, attempts), *notes)

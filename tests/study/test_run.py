@@ -7,6 +7,7 @@ from helpers import scripted_cells
 from helpers.scripted_cells import Here
 
 from stlbench.errors import UsageError
+from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import choice_of
@@ -72,6 +73,28 @@ def test_what_is_finished_is_not_run_again_and_a_cell_given_twice_runs_once(tmp_
     assert study(tmp_path, [*cells[:2], cells[0]])[0] == [("a", 60), ("b", 60)]
     assert study(tmp_path, cells) == ([("c", 60)], [(["c"], 2), ("c", "unsuitable")])
     assert study(tmp_path, cells) == ([], [([], 3)])
+
+
+def test_a_study_that_is_kept_as_text_goes_on(tmp_path):
+    cells = scripted_cells.cells("a", "b", "raise", "d")
+    study(tmp_path, cells[:3])
+    with Ledger(tmp_path / FILE, create=False) as ledger:
+        ledger.plan_also({cells[3].key: cells[3].id})
+        before = list(ledger.results())
+        stored.write_lines(before, tmp_path / stored.LINES, stored.missing(tmp_path))
+    (tmp_path / FILE).unlink()
+    assert study(tmp_path, cells[:1]) == ([], [([], 1)])
+    assert list(stored.read(tmp_path)) == before
+    assert [*stored.missing(tmp_path)] == [cells[3].key]
+    (tmp_path / stored.LINES).write_text("damaged")  # a ledger goes before the text
+    assert study(tmp_path, cells)[0] == [("d", 60)]
+
+
+def test_nothing_runs_beside_a_text_that_is_damaged(tmp_path):
+    (tmp_path / stored.LINES).write_text("damaged")
+    for _ in range(2):
+        with pytest.raises(UsageError, match=r"cells\.jsonl, line 1: not a result as `stlbench export"):
+            study(tmp_path, scripted_cells.cells("a"))
 
 
 def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked(tmp_path, monkeypatch):
