@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, RewardMethod, System
+from stlbench.contract import ActionBox, Array, RewardMethod, System
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
+from stlbench.rollout.exploring import fulfilling
 from stlbench.rollout.worlds import make_world
 from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
@@ -59,7 +60,6 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 }
 """Parameters of agents, the same for every task; another agent trains with its defaults."""
 
-_CONTINUOUS = ("td3", "sb3-td3", "sb3-sac")
 _MOST = 0.98
 """Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
 
@@ -69,6 +69,8 @@ EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
 LENGTH = 40
 """Decisions after which such an episode is broken off, on average; at most half of the task's."""
+_FEWEST = 16
+"""States, of those drawn, that fulfil a goal; otherwise no episodes begin there."""
 _FEW = 8
 """Copies of an environment whose first samples are looked at; of a system eight times as many."""
 
@@ -121,7 +123,7 @@ def recipe(agent: str, task: Task) -> dict[str, Any]:
     if "gamma" in parameters:
         again = max((node.b for node in recurring(task.formula)), default=0) / task.file.hold
         reaches = [parameters["gamma"], 1 - 1 / max(1.0, 2.5 * again)]
-        if agent in _CONTINUOUS:
+        if isinstance(task.actions, ActionBox):
             reaches.append(min(_MOST, 1 - 4 * task.file.hold / task.file.steps))
         parameters["gamma"] = round(max(reaches), 4)
     return parameters
@@ -176,7 +178,8 @@ def _initial(task: Task) -> Array:
 def _exploring(task: Task) -> Exploring | None:
     """Episodes that begin at a random time, in states met before or where the invariants hold within the ranges.
 
-    There are none where no state can be set.
+    Half of the latter are states where a goal holds. Where no range is of a coordinate, they are initial states. There
+    are no such episodes where no state can be set.
     """
     if not isinstance(task.dynamics, System):
         return None
@@ -188,11 +191,17 @@ def _exploring(task: Task) -> Exploring | None:
     for name, (low, high) in task.file.initial.box.items():
         least, greatest = task.file.box.get(name, (low, high))
         box[name] = min(low, least), max(high, greatest)
-    held = [str(part.psi) for part in windows(task.formula) if part.invariant and {*stl.signals(part.psi)} <= {*box}]
-    where = " & ".join(f"({text})" for text in held) or None
+    parts = windows(task.formula)
+    held = [part.psi for part in parts if part.invariant and {*stl.signals(part.psi)} <= {*box}]
+    if not {*box} & {*task.file.box} and task.file.initial.where is not None:
+        held.append(task.file.initial.where)
+    where = " & ".join(f"({condition})" for condition in held) or None
     states = Region.model_validate({"box": box, "where": where})
     try:
         sample(states, np.random.default_rng(0), 256)
     except UsageError:  # the invariants hold almost nowhere within the ranges
         return Exploring(share=share, kept=1.0, length=length)
-    return Exploring(share=share, kept=0.5, length=length, states=states)
+    goals = [part for part in parts if not part.invariant]
+    found = zip(goals, fulfilling(task, states, [goal.psi for goal in goals]), strict=True)
+    near = [{"until": goal.end, "where": str(goal.psi)} for goal, reached in found if len(reached) >= _FEWEST]
+    return Exploring.model_validate({"share": share, "kept": 0.5, "length": length, "states": states, "near": near})

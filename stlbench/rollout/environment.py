@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from stlbench.contract import ActionGrid, Array, Event, Integers, RewardMethod, Transition, Truth, World
 from stlbench.rollout import faults
 from stlbench.rollout.early_ends import EarlyEnds
+from stlbench.rollout.exploring import ExploringStates
 from stlbench.rollout.model import ends_of, first_end
 from stlbench.rollout.observing import features, scaled_times, time_and_inputs
 from stlbench.rollout.worlds import make_world
-from stlbench.task.starts import sample
 from stlbench.task.task import Task
 
 
@@ -129,6 +129,8 @@ class BatchEnvironment:
         self._events[list(self._training.cuts)], self._events[horizon] = Event.CUT, Event.TIME_LIMIT
         self._nothing_follows = Event.OVER if method.can_end else Event.END
         self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
+        if (exploring := self._training.exploring) is not None and exploring.states is not None:
+            self._exploring_states = ExploringStates(task, exploring.states, exploring.near)
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self.taken = 0
@@ -217,7 +219,7 @@ class BatchEnvironment:
             begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:
                 drawn = chosen[~kept]
-                begun[drawn] = self.task.system.initial_states(sample(exploring.states, self._generator, len(drawn)))
+                begun[drawn] = self._exploring_states.draw(self._generator, t[drawn])
             if exploring.length is not None:
                 length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)

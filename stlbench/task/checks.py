@@ -19,6 +19,7 @@ def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
     yield from _formulas(parts, timing)
     yield from _time(parts)
     yield from _ends(parts, timing)
+    yield from _near(parts)
     yield from _names(parts)
     yield from _conditions(parts)
 
@@ -120,6 +121,16 @@ def _ends(parts: Parts, timing: Timing) -> Iterator[str]:
             yield from _not_violable(place, parts.get("rewarded") or parts.get("formula"))
         elif where not in (None, VIOLATION):
             yield from _unknown(place, "signal", where, parts.get("signals"))
+
+
+def _near(parts: Parts) -> Iterator[str]:
+    exploring, place = (parts.get("training") or {}).get("exploring") or {}, "training.exploring.near"
+    near = exploring.get("near") or ()
+    if near and exploring.get("states") is None:
+        yield f"{place}: its states are drawn from `states`, which is missing"
+    for i, condition in enumerate(near):
+        if "where" in condition:
+            yield from _unknown(f"{place}.{i}.where", "signal", condition["where"], parts.get("signals"))
 
 
 def _not_violable(place: str, formula: stl.Formula | None) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from functools import reduce
 from typing import Annotated, Any, Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationInfo
 
 from stlbench import stl
-from stlbench.task.entry import Count, Entry, Finite, Formula, Positive, Read, Region, read_point_formula
+from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
 
 VIOLATION: Literal["violation"] = "violation"
 """Where a term G[a,b] psi of the formula is violated."""
@@ -26,6 +27,15 @@ class Ending(Entry):
     """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`."""
 
 
+class Near(Entry):
+    """Where an episode begins at a time for which a condition stands."""
+
+    until: Count
+    """The last step for which it stands."""
+    where: PointFormula
+    """On the signals."""
+
+
 class Exploring(Entry):
     """Training episodes that begin at a random time of the task, a decision's, instead of at its start."""
 
@@ -35,6 +45,8 @@ class Exploring(Entry):
     """Of these, the share that begins in the state in which the copy's last episode ended."""
     states: Region | None = None
     """Where the others begin; among the states from which episodes start where left out."""
+    near: Annotated[tuple[Near, ...], Field(exclude_if=operator.not_)] = ()
+    """What half of the drawn states fulfil: of the conditions that stand at the time, the one that ends first."""
     length: Count | None = None
     """They are broken off after this many decisions on average; at the end of the task where left out."""
 

@@ -323,7 +323,8 @@ def _view() -> Numbers:
     t, ranges = generator.integers(0, STEPS + 1, 40), {"x": (-4.0, 4.0), "y": (-4.0, 4.0)}
     views = [FormulaView(stl.parse(formula), ranges, STEPS) for formula in _VIEWED]
     seen = {formula: view(state, signals, t) for formula, view in zip(_VIEWED, views, strict=True)}
-    # The recipe is a part of each key, so another recipe needs no revision: the discount is named here.
+    # The recipe and the task file are parts of each key, so other rules need no revision. The discount is named here;
+    # after a change of other rules the pin is removed and written again.
     trained = Training(("points",), ("raw",), ("dqn[gamma=0.95]",), track="auto")()
     return seen | {name.replace("[gamma=0.95]", ""): values for name, values in trained.items()}
 

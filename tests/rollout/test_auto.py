@@ -11,7 +11,7 @@ from stlbench.registry.choices import Choice
 from stlbench.rollout.auto import cuts, recipe
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.observing import observation_of
-from stlbench.stl import parse
+from stlbench.stl import holds, parse
 from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import build_method, load_task
 from stlbench.task.starts import sample
@@ -100,3 +100,33 @@ def test_exploring_begins_where_the_invariants_hold_unless_that_is_almost_nowher
     if exploring.states is not None:
         drawn = sample(exploring.states, np.random.default_rng(0), 50)
         assert (abs(drawn[:, 0]) <= 1).all()
+
+
+@pytest.mark.parametrize(
+    ("formula", "near"),
+    [
+        ("F[0,4] x >= 5 & F[2,6] G[0,1] x <= -5 & G[0,8] x <= 8", [(4, "x >= 5"), (7, "x <= -5")]),
+        ("F[0,8] x >= 9.99", []),  # 2 of 4096 states
+        ("G[0,8] x <= 5", []),
+    ],
+)
+def test_some_exploring_episodes_begin_where_a_goal_holds_that_chance_reaches(
+    formula: str, near: list[tuple[int, str]]
+) -> None:
+    task = line(formula=formula)
+    exploring = on_track(task, Choice("dqn"), "auto").file.training.exploring
+    assert exploring is not None
+    assert [(each.until, str(each.where)) for each in exploring.near] == near
+    assert ("near" in exploring.model_dump()) == bool(near)  # other tasks keep the keys of their results
+
+
+def test_where_no_range_is_of_a_coordinate_exploring_begins_in_initial_states() -> None:
+    """The signals of ball-in-cup are distances, which its states are not: the ball must not be drawn into the cup."""
+    task = load_task("ball-in-cup")
+    exploring = on_track(task, Choice("td3"), "auto").file.training.exploring
+    assert exploring is not None
+    assert exploring.states is not None
+    assert task.file.initial is not None
+    assert task.file.initial.where is not None
+    drawn = sample(exploring.states, np.random.default_rng(0), 200)
+    assert holds(task.file.initial.where, tuple(exploring.states.box))(drawn).all()

@@ -242,6 +242,16 @@ class TestTrainingOptions:
         assert set(begun) == {4, 7}
         assert 0.4 < (begun == 4).mean() < 0.6
 
+    def test_half_of_the_drawn_states_fulfil_the_condition_that_ends_next(self) -> None:
+        """A quarter of all states are above 5, a quarter below -5. The bounds are five standard deviations wide."""
+        near = [{"until": 5, "where": "x <= -5"}, {"until": 2, "where": "x >= 5"}, {"until": 7, "where": "x >= 11"}]
+        exploring = {"share": 1, "states": {"box": {"x": [-10, 10]}}, "near": near}
+        x, t = self.make(4000, exploring=exploring).reset()[:, :2].T
+        for times, above, below in (([0, 2], 0.625, 0.125), ([4], 0.125, 0.625), ([6], 0.25, 0.25)):
+            begun = x[np.isin(t, times)]
+            assert abs((begun >= 5).mean() - above) < 0.08
+            assert abs((begun <= -5).mean() - below) < 0.08
+
     def test_exploring_episodes_begin_like_all_others_where_no_states_are_named(self) -> None:
         observation = self.make(400, exploring={"share": 1}).reset()
         assert observation[:, 0].tolist() == [0] * 400

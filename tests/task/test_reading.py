@@ -103,6 +103,22 @@ class TestMessages:
                 {"hold": 4, "budgets": {"smoke": {"steps": 41}}},
                 "budgets.smoke: 41 steps are no multiple of hold = 4, the steps of a decision; the nearest is 40",
             ),
+            (
+                {"training": {"exploring": {"share": 1, "near": [{"until": 4, "where": "x >= 1"}]}}},
+                "training.exploring.near: its states are drawn from `states`, which is missing",
+            ),
+            (
+                {
+                    "training": {
+                        "exploring": {
+                            "share": 1,
+                            "states": {"box": {"x": 1}},
+                            "near": [{"until": 4, "where": "y >= 1"}],
+                        }
+                    }
+                },
+                "training.exploring.near.0.where: no signal 'y'; there are: x",
+            ),
         ],
     )
     def test_one_error_is_one_line_with_its_place(self, changes: dict[str, Any], expected: str) -> None:
