@@ -22,7 +22,7 @@ from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
 from stlbench.task.derived import derived
 from stlbench.task.entry import Region
-from stlbench.task.file import Ending, Exploring, TrainingEpisodes
+from stlbench.task.file import Ending, Exploring, TaskFile, TrainingEpisodes
 from stlbench.task.forms import regular
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
@@ -86,7 +86,24 @@ def for_every_method(task: Task, agent: str, track: Track) -> Task:
 
 
 def automatic(task: Task, agent: str) -> Task:
-    """The task with all help by the rules, and none by hand, for training with an agent."""
+    """The task with the help by the rules that it does not leave out, and none by hand, for training with an agent.
+
+    Raises `UsageError` where it leaves out what no rule derives for it.
+    """
+    helped = _helped(task, agent)
+    for part in task.left_out:
+        if part != "hold":  # the task's own, which no rule derives
+            try:
+                helped = helped.without(part)
+            except ValueError as error:
+                raise UsageError(f"{task.choice}: {error} on the track auto") from error
+    if "rewarded" in task.left_out:
+        helped = helped.model_copy(update={"nested": task.file.nested})
+    return replace(task, file=helped)
+
+
+def _helped(task: Task, agent: str) -> TaskFile:
+    """The task's file with all help."""
     file = task.file
     bare = replace(task, file=file.model_copy(update={"training": TrainingEpisodes()}))
     units = {name: signal.unit for name, signal in file.signals.items()}
@@ -95,7 +112,7 @@ def automatic(task: Task, agent: str) -> Task:
     def rewarded(formula: Formula) -> Formula:
         return derived(regular(formula), file.box, units, initial)
 
-    helped = file.model_copy(
+    return file.model_copy(
         update={
             "features": "formula",
             "rewarded": rewarded(file.formula),
@@ -110,7 +127,6 @@ def automatic(task: Task, agent: str) -> Task:
             "agents": {agent: recipe(agent, task)},
         }
     )
-    return replace(task, file=helped)
 
 
 def recipe(agent: str, task: Task) -> dict[str, Any]:

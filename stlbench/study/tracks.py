@@ -74,8 +74,11 @@ def task_of(cell: CellId, recipe: Recipe | None = None) -> Task:
 def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = None) -> Task:
     """The task as a track has it. On the track `plain` the agent has no recipe, and so trains with its defaults.
 
-    Raises `UsageError` if the `hold` of a tuned recipe does not fit the task.
+    Raises `UsageError` if the `hold` of a tuned recipe does not fit the task, or the task leaves out a part that it
+    does not have on this track.
     """
+    if track != "auto" and task.lacking:
+        raise UsageError(f"{task.choice}: the task is without {task.lacking[0]} as it is")
     if track != "tuned":
         return for_every_method(task, agent.name, track)
     assert recipe is not None

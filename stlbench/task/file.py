@@ -7,7 +7,7 @@ from functools import reduce
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationInfo
+from pydantic import Field, ValidationInfo
 
 from stlbench import stl
 from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
@@ -185,7 +185,7 @@ class Baselines(Entry):
     random: Baseline
 
 
-OPTIONAL = ("features", "rewarded", "hold", "cuts", "ends", "exploring")
+OPTIONAL = ("features", "rewarded", "hold", "cuts", "ends", "near", "exploring")
 """What a task can be trained without, to learn what it is worth."""
 
 
@@ -254,23 +254,30 @@ class TaskFile(Entry):
 
     def without(self, part: str) -> TaskFile:
         """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""
-        if part not in OPTIONAL:
-            raise ValueError(f"a task is never without '{part}', but perhaps without {', '.join(OPTIONAL)}")
-        less = self._less(part)
+        less = self.less(part)
         if less == self:
             raise ValueError(f"the task is without {part} as it is")
         return less
 
     def plain(self) -> TaskFile:
         """This file without all of OPTIONAL that it has, for the track `plain`; where training starts is no part."""
-        return reduce(TaskFile._less, OPTIONAL, self)
+        return reduce(TaskFile.less, OPTIONAL, self)
 
-    def _less(self, part: str) -> TaskFile:
-        """This file without the part, which it may be without already."""
-        owner: BaseModel = self.training if part in TrainingEpisodes.model_fields else self
-        value = "state" if part == "features" else type(owner).model_fields[part].default
-        changed = owner.model_copy(update={part: value})
-        return changed if isinstance(changed, TaskFile) else self.model_copy(update={"training": changed})
+    def less(self, part: str) -> TaskFile:
+        """This file without one of OPTIONAL, which it may be without already. Raises `ValueError` for another part."""
+        if part not in OPTIONAL:
+            raise ValueError(f"a task is never without '{part}', but perhaps without {', '.join(OPTIONAL)}")
+        if part == "near":
+            exploring = self.training.exploring
+            less = None if exploring is None else exploring.model_copy(update={"near": ()})
+            return self._training(exploring=less)
+        if part in TrainingEpisodes.model_fields:
+            return self._training(**{part: TrainingEpisodes.model_fields[part].default})
+        value = "state" if part == "features" else TaskFile.model_fields[part].default
+        return self.model_copy(update={part: value})
+
+    def _training(self, **changes: Any) -> TaskFile:
+        return self.model_copy(update={"training": self.training.model_copy(update=changes)})
 
     def held(self, steps: int) -> TaskFile:
         """This file with actions held for so many steps. Raises `ValueError` where an episode or a cut has no place."""

@@ -29,7 +29,7 @@ from stlbench.registry.choices import Choice
 from stlbench.registry.suites import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts
-from stlbench.task.file import Axis, Budget, TaskFile
+from stlbench.task.file import OPTIONAL, Axis, Budget, TaskFile
 from stlbench.task.reading import errors_of, read
 from stlbench.task.starts import SeedStarts, StateStarts
 from stlbench.task.view import FormulaView, bent_columns
@@ -49,6 +49,13 @@ class Task:
     file: TaskFile
     dynamics: Dynamics
     """What moves: a system, whose state can be set, or an environment or a world, whose starts are seeds."""
+    lacking: tuple[str, ...] = ()
+    """What the choice leaves out and the file does not have. The track `auto` may derive it."""
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the choice leaves out."""
+        return tuple(_left_out(self.choice))
 
     @property
     def system(self) -> System:
@@ -165,8 +172,8 @@ def load_task(choice: Choice | str) -> Task:
             it is to hold its actions: overlap[without=cuts+ends], robot-nav[hold=20], ./my-task[hold=2].
 
     Raises:
-        UsageError: no such task, a task file with errors (the message lists all of them), without a part that the
-            task does not have, or holding actions for a number of steps that does not fit.
+        UsageError: no such task, a task file with errors (the message lists all of them), without what is no part of
+            a task, or holding actions for a number of steps that does not fit.
     """
     choice = folders.task_of(choice)
     name = choice.name
@@ -185,21 +192,29 @@ def load_task(choice: Choice | str) -> Task:
     errors += _misfits(dynamics or kind, reading.parts)
     if errors or reading.file is None or dynamics is None:
         raise errors_of(name, errors)
-    task = Task(choice, _varied(reading.file, choice, dynamics), dynamics)
+    lacking = tuple(part for part in _left_out(choice) if _is_without(reading.file, part, dynamics))
+    task = Task(choice, _varied(reading.file, choice), dynamics, lacking)
     if isinstance(dynamics, GymTask):
         _ = task.source  # checks the file against the environment
     return task
 
 
-def _varied(file: TaskFile, choice: Choice, dynamics: Dynamics) -> TaskFile:
-    """The file with what the choice says. Only a system has features that a task can do without."""
+def _left_out(choice: Choice) -> list[str]:
+    return [part for key, value in choice.parameters if key == "without" for part in value.split("+")]
+
+
+def _is_without(file: TaskFile, part: str, dynamics: Dynamics) -> bool:
+    """Whether a file is without a part. Only a system has features beyond its state."""
+    return part in OPTIONAL and (file.less(part) == file or (part == "features" and not isinstance(dynamics, System)))
+
+
+def _varied(file: TaskFile, choice: Choice) -> TaskFile:
+    """The file with what the choice says."""
     for key, value in choice.parameters:
         try:
             if key == "without":
                 for part in value.split("+"):
-                    if part == "features" and not isinstance(dynamics, System):
-                        raise ValueError("the task is without features as it is")
-                    file = file.without(part)
+                    file = file.less(part)
             elif key == "hold":
                 if _count(value) == file.hold:
                     raise ValueError(f"the task holds actions for {value} steps as it is")

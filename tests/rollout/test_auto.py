@@ -7,6 +7,8 @@ import pytest
 from helpers.line_task import line
 
 from stlbench.contract import ActionBox, ActionGrid
+from stlbench.errors import UsageError
+from stlbench.records.identity import Track
 from stlbench.registry.choices import Choice
 from stlbench.rollout.auto import cuts, recipe
 from stlbench.rollout.environment import BatchEnvironment
@@ -130,3 +132,24 @@ def test_where_no_range_is_of_a_coordinate_exploring_begins_in_initial_states() 
     assert task.file.initial.where is not None
     drawn = sample(exploring.states, np.random.default_rng(0), 200)
     assert holds(task.file.initial.where, tuple(exploring.states.box))(drawn).all()
+
+
+@pytest.mark.parametrize("part", ["features", "rewarded", "cuts", "ends", "near", "exploring"])
+def test_each_derived_part_can_be_left_out(part: str) -> None:
+    """The file of `overlap` has no condition `near`, and the rules derive all of these parts."""
+    whole, less = (
+        on_track(load_task(name), Choice("dqn"), "auto").file for name in ("overlap", f"overlap[without={part}]")
+    )
+    assert less == whole.without(part)
+
+
+@pytest.mark.parametrize(
+    ("name", "track", "said"),
+    [
+        ("reach-stay[without=cuts]", "auto", r"the task is without cuts as it is on the track auto"),
+        ("reach-stay[without=hold+cuts]", "shared", r"the task is without cuts as it is"),
+    ],
+)
+def test_what_is_not_there_cannot_be_left_out(name: str, track: Track, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        on_track(load_task(name), Choice("dqn"), track)

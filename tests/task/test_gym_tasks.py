@@ -20,6 +20,7 @@ from stlbench.registry.fingerprint import code_of
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import task_part
 from stlbench.study.plan import plan_cells
+from stlbench.study.tracks import on_track
 from stlbench.task import gym_make, load_task
 from stlbench.task.gym_spaces import Observed, entries_of
 from stlbench.task.starts import SeedStarts
@@ -184,7 +185,7 @@ def test_what_needs_a_state_says_that_there_is_none() -> None:
 @pytest.mark.parametrize("part", ["features", "exploring", "ends+features"])
 def test_an_environment_has_no_features_that_it_could_do_without(part: str, folder: Callable[..., str]) -> None:
     with pytest.raises(UsageError, match=f"the task is without {part.partition('+')[0]} as it is"):
-        load_task(f"{folder()}[without={part}]")
+        on_track(load_task(f"{folder()}[without={part}]"), Choice("sb3-dqn"), "shared")
 
 
 def test_the_versions_of_an_environments_software_are_in_the_keys(

@@ -13,9 +13,15 @@ from stlbench import stl
 from stlbench.contract import ActionBox
 from stlbench.errors import UsageError
 from stlbench.task import build_agent, load_task
-from stlbench.task.file import OPTIONAL
+from stlbench.task.file import OPTIONAL, TaskFile
 from stlbench.task.reading import read_task_file
 from stlbench_agents.independent import DQNPerRobot
+
+
+def part_of(file: TaskFile, part: str) -> Any:
+    if part == "near":
+        return file.training.exploring.near if file.training.exploring else ()
+    return getattr(file if part in ("features", "rewarded", "hold") else file.training, part)
 
 
 class TestWithout:
@@ -25,7 +31,11 @@ class TestWithout:
         training={
             "cuts": [4],
             "ends": [{"where": "violation"}, {"where": "x >= 5"}],
-            "exploring": {"share": 0.5},
+            "exploring": {
+                "share": 0.5,
+                "states": {"box": {"x": [-2, 2]}},
+                "near": [{"until": 4, "where": "x >= 1"}],
+            },
         },
     )
 
@@ -35,10 +45,9 @@ class TestWithout:
     def test_everything_optional_can_be_left_out_once(self, part: str) -> None:
         full = read_task_file(self.FULL, "line")
         plain, less = read_task_file(self.PLAIN, "line"), full.without(part)
-        for other in OPTIONAL:
-            owner = (lambda file: file) if other in ("features", "rewarded", "hold") else (lambda file: file.training)
+        for other in {*OPTIONAL} - {"near" if part == "exploring" else "exploring" if part == "near" else ""}:
             expected = plain if other == part else full
-            assert getattr(owner(less), other) == getattr(owner(expected), other)
+            assert part_of(less, other) == part_of(expected, other)
         with pytest.raises(ValueError, match=f"the task is without {part} as it is"):
             less.without(part)
 
