@@ -21,6 +21,7 @@ _TRAINING_NOTES = (
     "Cuts are steps. An end counts as if the least that the method pays for a step were paid for ever after.",
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
     "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
+    "Half of the states drawn are near: they fulfil, of the conditions that still stand, the one that ends first.",
 )
 _NO_RECIPE = "An agent without a recipe trains with its defaults."
 _EARLY = (
@@ -162,6 +163,8 @@ def _plain(value: Any) -> Value:
 def _text(value: Any) -> str:
     if isinstance(value, tuple):
         return ("\n" if value and isinstance(value[0], dict) else ", ").join(map(_text, value))
+    if isinstance(value, dict) and "until" in value:
+        return f"{value['where']}, until step {value['until']}"
     if isinstance(value, dict):
         return _region(value) if "box" in value else _listed(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
