@@ -63,8 +63,9 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 _MOST = 0.98
 """Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
 
-PATIENCE = 4
-"""Checkpoints without a better one after which a training that satisfies may end, where its budget does not say."""
+PATIENCE = 3
+"""Checkpoints without a better one after which a training may end at one that satisfies, where its budget does not
+say."""
 EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
 LENGTH = 40

@@ -106,12 +106,15 @@ class Patience:
     since: int = 0  # checkpoints after the best one
 
     def ends(self, satisfaction: float, robustness: float) -> bool:
-        """Note a checkpoint's scores; whether the last checkpoints were no better than one before."""
+        """Note a checkpoint's scores; whether the last checkpoints were no better than one before, and it satisfies.
+
+        The training ends with this policy, so it should be one of the good ones.
+        """
         if satisfaction == 1 and (self.best is None or robustness > self.best + 0.01 * abs(self.best)):
             self.best, self.since = robustness, 0
         else:
             self.since += 1
-        return self.best is not None and self.since >= self.checkpoints
+        return satisfaction == 1 and self.since >= self.checkpoints
 
 
 class StepCounter:

@@ -139,7 +139,7 @@ class Budget(Entry):
     """Wall seconds after which a cell is stopped."""
     checkpoints: Count = 20
     patience: Count | None = None
-    """Training may end after so many checkpoints without a better one, once the policy satisfies from all starts that
+    """Training may end after so many checkpoints without a better one, at the next that satisfies from all starts that
     are looked at; it lasts for all steps where left out."""
     seconds: Positive | None = None
     """Training ends at the first checkpoint after so many wall seconds. The result then depends on the machine, so

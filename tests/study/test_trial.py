@@ -182,6 +182,7 @@ def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:
         ([(1.0, 0.2)] * 5, [2, 3, 4]),
         ([(1.0, 0.2), (0.9, 0.3), (1.0, 0.201), (1.0, 0.3), (1.0, 0.29), (1.0, 0.2)], [2, 5]),
         ([(1.0, -0.2), (1.0, -0.1), (0.5, 0.5)], []),
+        ([(1.0, 0.2), (1.0, 0.1), (0.9, 0.3), (0.0, -1.0), (1.0, 0.1)], [4]),  # it ends with one that satisfies
     ],
 )
 def test_training_ends_after_some_checkpoints_without_a_better_one(scores, ends):
