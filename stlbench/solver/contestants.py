@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stlbench.contract import Unsuitable
+from stlbench.contract import ActionGrid, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.registry import plugins
@@ -58,6 +58,8 @@ def contestants(task: Task, minutes: float) -> tuple[Contestant, ...]:
             f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
         )
     methods = in_turn(fitting, task.formula)
+    if not isinstance(task.actions, ActionGrid):  # learned from by dqn alone; with td3 cfer is the same as flag
+        methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
 

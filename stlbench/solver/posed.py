@@ -26,11 +26,14 @@ from stlbench.task import Task, load_task
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
 _ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
-_LOOK, _SEARCHED = 0.03, 15.0
-"""The share of the time for each of the first tries: scores, constant actions and a witness; and the most seconds for
-the last."""
+_LOOK = 0.03
+"""The share of the time for each of the first tries: scores, and constant actions."""
+_SEARCH, _SEARCHED = 0.01, 15.0
+"""The share of the time for the search for a witness, and the most seconds for it."""
 _MOST_SEARCHED = 3.0
 """No witness is searched where one generation would take so many times the seconds of a search."""
+_EPISODES = 100
+"""Of the training that measures the speed, at most."""
 _AT_MOST, _CONSTANTS = 16, 50
 """Starts from which constant actions are compared at most, and about how many are."""
 
@@ -134,7 +137,7 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
         "random": _numbers(random),
     }
     _write(home / _FILE, content)
-    given = min(_SEARCHED, _LOOK * seconds)
+    given = min(_SEARCHED, _SEARCH * seconds)
     nearest = witness.search(task, given) if witness.COPIES * episode <= _MOST_SEARCHED * given else None
     if nearest is not None and nearest.satisfies:
         facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
@@ -143,8 +146,8 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
 
 
 def _probe(steps: int) -> dict[str, Any]:
-    """The budget by which the speed of training is measured."""
-    return {"steps": max(16 * steps, 6000), "seeds": 1, "deadline": 900, "checkpoints": 2, "random_starts": 0}
+    """The budget by which the speed of training is measured. It suffices for an easy problem."""
+    return {"steps": max(_EPISODES * steps, 6000), "seeds": 1, "deadline": 900, "checkpoints": 2, "random_starts": 0}
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:

@@ -125,7 +125,7 @@ class Trainer:
         racing = list(contestants(self.posed.task, self.clock.minutes))
         # no probe may last: a slow environment would use up all time before anything is known of its speed
         steps, seconds = self.posed.task.budget("probe").steps, _PROBE * 60 * self.clock.minutes
-        self._write("probe", steps, seconds, checkpoints=10, patience=_PATIENCE)
+        self._write("probe", steps, seconds, checkpoints=20, patience=_PATIENCE)
         (best,) = self.train("probe", racing[:1], [FIRST_SEED])
         if best.measurement is None:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")

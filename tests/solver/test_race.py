@@ -122,3 +122,4 @@ def test_methods_that_race() -> None:
     again = pose(Problem("Pendulum-v1", "G[0,50] F[0,20] x >= 0"), Path("other")).task
     assert contestants(again, 10)[0] == Contestant("flag", "td3")
     assert len(contestants(again, 10)) <= 4
+    assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
