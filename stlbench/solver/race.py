@@ -35,6 +35,8 @@ _SCORING, _CHECKPOINTS = 0.2, (4, 20)
 _GLANCE = 8  # starts from which a checkpoint is scored during a training
 _PATIENCE = 1
 """Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
+_PROMISING = 0.5
+"""A method that satisfies from such a share of the starts for selection is learning: the race ends, and it trains on."""
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 _LONGER = 4
@@ -83,31 +85,21 @@ class Trainer:
     ) -> list[Result]:
         """The results of these cells, the best first.
 
-        No more begin once one satisfies from a share `enough`, or where the time before the delivery is too short.
+        They end with the first that satisfies from a share `enough`, or where the time before the delivery is too
+        short. A study has one agent.
         """
-        cells, results = [(each, seed) for each in who for seed in seeds], list[Result]()
-        for first in range(0, len(cells), self._at_once):
-            half = (self.posed.task.budget(budget).seconds or 0.0) / 2
-            if results and (rank(results[0])[0] >= enough or self._left <= half):
-                break
-            results += self._together(budget, cells[first : first + self._at_once])
-            results.sort(key=rank, reverse=True)
-        return results
+        half = (self.posed.task.budget(budget).seconds or 0.0) / 2
 
-    @property
-    def _left(self) -> float:
-        """Seconds until the delivery."""
-        return max(0.0, self.clock.left - _DELIVERY * 60 * self.clock.minutes)
+        def is_last(result: Result) -> bool:
+            return rank(result)[0] >= enough or self._left <= half
 
-    def _together(self, budget: str, cells: Sequence[tuple[Contestant, int]]) -> list[Result]:
-        """Runs cells side by side: studies of one agent each, which are products of methods and seeds."""
         results = list[Result]()
-        for agent in dict.fromkeys(each.agent for each, _ in cells):
-            alike = [(each.method, seed) for each, seed in cells if each.agent == agent]
-            methods, seeds = (list(dict.fromkeys(column)) for column in zip(*alike, strict=True))
+        for agent in dict.fromkeys(each.agent for each in who):
+            if any(map(is_last, results)):
+                break
             results += run_study(
                 tasks=[TASK],
-                methods=methods,
+                methods=[each.method for each in who if each.agent == agent],
                 agents=[agent],
                 seeds=seeds,
                 budget=budget,
@@ -116,11 +108,17 @@ class Trainer:
                 executor=self.executor,
                 jobs=self.jobs,
                 progress=self.progress,
+                until=is_last,
             )
-        return results
+        return sorted(results, key=rank, reverse=True)
+
+    @property
+    def _left(self) -> float:
+        """Seconds until the delivery."""
+        return max(0.0, self.clock.left - _DELIVERY * 60 * self.clock.minutes)
 
     def race(self) -> Result:
-        """The winner's best result; the probe where that is enough. Raises `UsageError` as `_plan`."""
+        """The best result; its method is the winner. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
         racing = list(contestants(self.posed.task, self.clock.minutes))
         # no probe may last: a slow environment would use up all time before anything is known of its speed
@@ -132,12 +130,12 @@ class Trainer:
         known = self.posed.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if known is None else len(known)]
         rung = 1
-        while len(racing) > 1 and rank(best)[0] < 1 and self._left:
+        while len(racing) > 1 and rank(best)[0] < _PROMISING and self._left:
             names = ", ".join(
                 each.method if each.agent == racing[0].agent else f"{each.method} with {each.agent}" for each in racing
             )
             self.say(f"race, rung {rung}: {names}; {_score(best)}")
-            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], enough=1.0)
+            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], enough=_PROMISING)
             best = max(ranked[0], best, key=rank)
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best

@@ -101,6 +101,7 @@ def run_study(
     study: Study | str | Path | None = None,
     *,
     progress: Progress | Callback | bool | None = None,
+    until: Callable[[Result], bool] | None = None,
     **options: Any,
 ) -> Results:
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
@@ -112,6 +113,8 @@ def run_study(
         study: a YAML file whose keys are the fields of `Study`, or the study itself.
         progress: True prints a line on stderr as each cell ends, and shows a bar in a terminal. A function is called
             with how many cells have a result, of how many, and the last result. An object of `Progress` is told all.
+        until: the study ends, and what runs is stopped, with the first result of which it is true. Results from before
+            count too.
         options: fields of `Study`, as Python values or as texts of the command line: `tasks=["overlap"], seeds=3`. They
             go before those of `study`; None leaves a field out.
 
@@ -124,12 +127,14 @@ def run_study(
     """
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     with _progress(progress, described.results) as listener:
-        cells = run_missing(described, listener)
+        cells = run_missing(described, listener, until)
     with Ledger(described.results / FILE, create=False) as ledger:
         return Results.of(ledger.results_of(cell.id for cell in cells), described.results)
 
 
-def run_missing(study: Study, progress: Progress | None = None) -> tuple[Cell, ...]:
+def run_missing(
+    study: Study, progress: Progress | None = None, until: Callable[[Result], bool] | None = None
+) -> tuple[Cell, ...]:
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
@@ -142,6 +147,7 @@ def run_missing(study: Study, progress: Progress | None = None) -> tuple[Cell, .
             attempts=study.attempts,
             keep_old=study.keep_old,
             progress=logged,
+            until=until,
         )
     return cells
 
@@ -155,6 +161,7 @@ def run_cells(
     attempts: int | None = None,
     keep_old: bool | None = None,
     progress: Progress | None = None,
+    until: Callable[[Result], bool] | None = None,
     run_cell: Callable[..., Result] | None = None,
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
@@ -162,8 +169,9 @@ def run_cells(
     What is planned is recorded first, so that a report knows what an interrupted study lacks. An interrupt
     (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on. Cells that ended
     as `retry` says run again, unless they failed `attempts` times in a row. `keep_old` counts results of other code as
-    done. `run_cell` stands for `trial.run_cell`. Raises `UsageError` if a plugin cannot be loaded, or the ledger is
-    none, or another process writes in the folder; then nothing ran, and nothing was written.
+    done. Nothing runs after a result of which `until` is true, also one from before. `run_cell` stands for
+    `trial.run_cell`. Raises `UsageError` if a plugin cannot be loaded, or the ledger is none, or another process writes
+    in the folder; then nothing ran, and nothing was written.
     """
     progress = progress or _Silent()
     provenance = collect(executor.jobs)
@@ -178,9 +186,12 @@ def run_cells(
             notes = (outdated_note(old, ledger, provenance, keep_old), *notes)
             kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
             missing = [cell for cell in missing if cell.id not in kept]
+        done = len(cells) - len(missing)
+        if until is not None and any(map(until, ledger.results({cell.key for cell in cells}))):
+            missing = []
         ledger.plan({cell.key: cell.id for cell in cells})
         live_cells.clear(folder)
-        progress.begin([cell.id for cell in missing], len(cells) - len(missing))
+        progress.begin([cell.id for cell in missing], done)
         for line in notes:
             progress.note(line)
         for agent, work in uncompiled(missing):
@@ -197,6 +208,8 @@ def run_cells(
                 for result in results:
                     live_cells.ended(folder, result.id)
                     progress.ended(result)
+                    if until is not None and until(result):
+                        break
             finally:
                 live_cells.clear(folder)
         if ledger.is_meddled:

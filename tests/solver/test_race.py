@@ -29,14 +29,18 @@ class Played:
         monkeypatch.setattr("stlbench.solver.race.time", SimpleNamespace(perf_counter=lambda: self.now))
 
     def __call__(self, **options: Any) -> list[Result]:
-        cells = list(product(options["methods"], options["agents"], options["seeds"]))
-        self.cells += [(options["budget"], *cell) for cell in cells]
-        self.now += 60.0
-        return [self._result(options["budget"], *cell) for cell in cells]
+        results = list[Result]()
+        for seed, method, agent in product(options["seeds"], options["methods"], options["agents"]):
+            self.cells.append((options["budget"], method, agent, seed))
+            self.now += 60.0
+            results.append(self._result(*self.cells[-1]))
+            if options["until"](results[-1]):
+                break
+        return results
 
     def _result(self, budget: str, method: str, agent: str, seed: int) -> Result:
         cell = CellId.parse(f"task/{method}/{agent}/{seed}/auto", budget)
-        share = self.shares.get((method, seed), 0.5)
+        share = self.shares.get((method, seed), 0.4)
         measured = SimpleNamespace(
             selection=SimpleNamespace(satisfaction=share, robustness_mean=share),
             wall_seconds=2.0,
@@ -82,6 +86,14 @@ def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.Monke
     assert (helped["probe"].patience, helped["final"].patience) == (1, PATIENCE)
 
 
+def test_a_method_that_satisfies_from_half_of_the_starts_trains_on_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {("raw", 101): 0.5})
+    raced(30.0)
+    assert [cell[:2] for cell in played.cells] == [
+        *(("probe", "funnel"), ("rung-1", "funnel"), ("rung-1", "raw"), ("final", "raw"), ("final", "raw")),
+    ]
+
+
 def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {("funnel", 100): 1.0, ("funnel", 200): 1.0})
     trained = raced(10.0)
@@ -103,7 +115,7 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
         played.now = 0.0
         posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
         posed.begin(minutes)
-        (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100])
+        (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool)
         cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
         Trainer(posed, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
         seconds = posed.task.budget("final").seconds

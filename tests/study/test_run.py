@@ -97,6 +97,16 @@ def test_nothing_runs_beside_a_text_that_is_damaged(tmp_path):
             study(tmp_path, scripted_cells.cells("a"))
 
 
+def test_a_study_ends_with_the_first_result_that_is_asked_for_and_is_not_begun_again(tmp_path):
+    def is_b(result):
+        return result.id.method.name == "b"
+
+    cells = scripted_cells.cells("a", "b", "c")
+    assert study(tmp_path, cells, until=is_b)[1] == [(["a", "b", "c"], 0), ("a", "unsuitable"), ("b", "unsuitable")]
+    assert study(tmp_path, cells, until=is_b) == ([], [([], 2)])
+    assert study(tmp_path, cells)[0] == [("c", 60)]
+
+
 def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked(tmp_path, monkeypatch):
     def refuse(cells):
         if any(cell.id.method.name == "wrong" for cell in cells):
