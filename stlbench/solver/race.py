@@ -36,7 +36,7 @@ _GLANCE = 8  # starts from which a checkpoint is scored during a training
 _PATIENCE = 1
 """Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
 _PROMISING = 0.5
-"""A method that satisfies from such a share of the starts for selection is learning: the race ends, and it trains on."""
+"""A method that satisfies from such a share of the starts for selection learns: the race ends, and it trains on."""
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 _LONGER = 4
