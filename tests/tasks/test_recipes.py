@@ -10,7 +10,9 @@ from helpers.task_lists import PAPER, TASKS
 from stlbench.contract import ActionGrid
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.rollout.baselines import constants
 from stlbench.study.study import Study
+from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import load_task
 from stlbench.task.file import OPTIONAL, TaskFile
 
@@ -32,6 +34,15 @@ def test_the_ablation_leaves_out_each_part_of_each_recipe_of_the_papers_tasks_on
     parts = {f"{name}[without={part}]" for name, file in files.items() for part in OPTIONAL if has(file, part)}
     assert sorted(map(str, study.tasks)) == sorted(parts)
     assert (len(study.methods or ()), len(study.seeds or ())) == (3, 5)
+
+
+def test_the_ablation_on_auto_leaves_out_each_part_that_the_rules_derive_for_tasks_that_are_not_trivial() -> None:
+    study = Study.of({}, Path(__file__).parents[2] / "studies/auto-ablation.yaml")
+    tasks = [task for task in map(load_task, PAPER) if not constants(task).trivial]
+    derived = {task.name: on_track(task, Choice(own_agent_on(task, "auto")), "auto").file for task in tasks}
+    optional = set(OPTIONAL) - {"hold"}  # which no rule derives
+    parts = {f"{name}[without={part}]" for name, file in derived.items() for part in optional if has(file, part)}
+    assert sorted(map(str, study.tasks)) == sorted(parts)
 
 
 def has(file: TaskFile, part: str) -> bool:
