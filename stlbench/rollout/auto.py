@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
 from stlbench.task.derived import derived
 from stlbench.task.entry import Region
-from stlbench.task.file import Ending, Exploring, TaskFile, TrainingEpisodes
+from stlbench.task.file import Budget, Ending, Exploring, TaskFile, TrainingEpisodes
 from stlbench.task.forms import regular
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
@@ -66,6 +67,8 @@ _MOST = 0.98
 PATIENCE = 3
 """Checkpoints without a better one after which a training may end at one that satisfies, where its budget does not
 say."""
+EPISODES = 600
+"""Of the budget `quick`, at least."""
 EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
 LENGTH = 40
@@ -121,13 +124,17 @@ def _helped(task: Task, agent: str) -> TaskFile:
             "training": TrainingEpisodes(
                 cuts=cuts(file.formula, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
             ),
-            "budgets": {
-                name: budget.model_copy(update={"patience": budget.patience or PATIENCE})
-                for name, budget in file.budgets.items()
-            },
+            "budgets": {name: _budget(name, budget, file.steps) for name, budget in file.budgets.items()},
             "agents": {agent: recipe(agent, task)},
         }
     )
+
+
+def _budget(name: str, budget: Budget, steps: int) -> Budget:
+    """With patience; `quick` has 600 episodes of so many steps at least."""
+    times = max(1.0, EPISODES * steps / budget.steps) if name == "quick" else 1.0
+    longer = {"steps": round(times * budget.steps), "checkpoints": ceil(times * budget.checkpoints)}
+    return budget.model_copy(update={**longer, "patience": budget.patience or PATIENCE})
 
 
 def recipe(agent: str, task: Task) -> dict[str, Any]:

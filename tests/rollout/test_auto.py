@@ -153,3 +153,17 @@ def test_each_derived_part_can_be_left_out(part: str) -> None:
 def test_what_is_not_there_cannot_be_left_out(name: str, track: Track, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         on_track(load_task(name), Choice("dqn"), track)
+
+
+@pytest.mark.parametrize(
+    ("name", "budget", "steps", "checkpoints"),
+    [
+        ("ball-in-cup", "quick", 600_000, 8),  # 300 episodes by hand
+        ("ball-in-cup", "smoke", 16_000, 2),
+        ("reach-stay", "quick", 1_280_000, 20),  # 1600 episodes
+    ],
+)
+def test_the_budget_quick_has_600_episodes_at_least(name: str, budget: str, steps: int, checkpoints: int) -> None:
+    task = load_task(name)
+    found = on_track(task, Choice(own_agent_on(task, "auto")), "auto").budget(budget)
+    assert (found.steps, found.checkpoints) == (steps, checkpoints)
