@@ -6,7 +6,6 @@ goes on. Contestants are compared by the starts for selection, never by those of
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -36,7 +35,7 @@ _GLANCE = 8  # starts from which a checkpoint is scored during a training
 _PATIENCE = 1
 """Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
 _PROMISING = 0.5
-"""A method that satisfies from such a share of the starts for selection learns: the race ends, and it trains on."""
+"""A method whose best and last policies satisfy from such a share of starts learns: the race ends, and it trains on."""
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 _LONGER = 4
@@ -81,17 +80,17 @@ class Trainer:
     jobs: int | None = None
 
     def train(
-        self, budget: str, who: Sequence[Contestant], seeds: Sequence[int], enough: float = math.inf
+        self, budget: str, who: Sequence[Contestant], seeds: Sequence[int], enough: Callable[[Result], bool]
     ) -> list[Result]:
         """The results of these cells, the best first.
 
-        They end with the first that satisfies from a share `enough`, or where the time before the delivery is too
-        short. A study has one agent.
+        They end with the first that is `enough`, or where the time before the delivery is too short. A study has one
+        agent.
         """
         half = (self.posed.task.budget(budget).seconds or 0.0) / 2
 
         def is_last(result: Result) -> bool:
-            return rank(result)[0] >= enough or self._left <= half
+            return enough(result) or self._left <= half
 
         results = list[Result]()
         for agent in dict.fromkeys(each.agent for each in who):
@@ -124,18 +123,18 @@ class Trainer:
         # no probe may last: a slow environment would use up all time before anything is known of its speed
         steps, seconds = self.posed.task.budget("probe").steps, _PROBE * 60 * self.clock.minutes
         self._write("probe", steps, seconds, checkpoints=20, patience=_PATIENCE)
-        (best,) = self.train("probe", racing[:1], [FIRST_SEED])
+        (best,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
         if best.measurement is None:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
         known = self.posed.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if known is None else len(known)]
         rung = 1
-        while len(racing) > 1 and rank(best)[0] < _PROMISING and self._left:
+        while len(racing) > 1 and not _is_promising(best) and self._left:
             names = ", ".join(
                 each.method if each.agent == racing[0].agent else f"{each.method} with {each.agent}" for each in racing
             )
             self.say(f"race, rung {rung}: {names}; {_score(best)}")
-            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], enough=_PROMISING)
+            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], _is_promising)
             best = max(ranked[0], best, key=rank)
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best
@@ -223,7 +222,19 @@ class Trainer:
             self._write(FINAL, steps, seconds, checkpoints)
         contestant, steps = Contestant.of(winner), self.posed.task.budget(FINAL).steps
         self.say(f"final: {contestant.method}, fresh seeds, at most {steps} steps each; {_score(winner)}")
-        return self.train(FINAL, [contestant], FINAL_SEEDS, enough=1.0)
+        return self.train(FINAL, [contestant], FINAL_SEEDS, _satisfies)
+
+
+def _satisfies(result: Result) -> bool:
+    return rank(result)[0] == 1
+
+
+def _is_promising(result: Result) -> bool:
+    """Not so where the best policy was one moment of an unstable training."""
+    if result.measurement is None:
+        return False
+    last = result.measurement.curve[-1].satisfaction
+    return _satisfies(result) or min(rank(result)[0], last) >= _PROMISING
 
 
 def _score(result: Result) -> str:

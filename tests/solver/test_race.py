@@ -25,6 +25,8 @@ class Played:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, shares: dict[tuple[str, int], float]) -> None:
         self.shares, self.cells, self.now = shares, list[tuple[str, str, str, int]](), 0.0
+        self.last: dict[tuple[str, int], float] = {}
+        """The share of the last policy, where it is not that of the best."""
         monkeypatch.setattr("stlbench.solver.race.run_study", self)
         monkeypatch.setattr("stlbench.solver.race.time", SimpleNamespace(perf_counter=lambda: self.now))
 
@@ -43,6 +45,7 @@ class Played:
         share = self.shares.get((method, seed), 0.4)
         measured = SimpleNamespace(
             selection=SimpleNamespace(satisfaction=share, robustness_mean=share),
+            curve=[SimpleNamespace(satisfaction=self.last.get((method, seed), share))],
             wall_seconds=2.0,
             training_wall_seconds=1.0,
             env_steps=6000,
@@ -92,6 +95,13 @@ def test_a_method_that_satisfies_from_half_of_the_starts_trains_on_at_once(monke
     assert [cell[:2] for cell in played.cells] == [
         *(("probe", "funnel"), ("rung-1", "funnel"), ("rung-1", "raw"), ("final", "raw"), ("final", "raw")),
     ]
+
+
+def test_a_policy_that_was_good_for_a_moment_does_not_end_the_race(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {("funnel", 101): 0.8})
+    played.last[("funnel", 101)] = 0.0
+    raced(30.0)
+    assert [cell[:2] for cell in played.cells[:3]] == [("probe", "funnel"), ("rung-1", "funnel"), ("rung-1", "raw")]
 
 
 def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
