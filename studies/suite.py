@@ -3,6 +3,7 @@
     python studies/suite.py [--systems unicycle,pair] [--count 4] [--seconds 4]
     python studies/suite.py --bounds
     python studies/suite.py --longer quadrotor/reach-stay/0,arm/tube --seconds 20
+    python studies/suite.py --exact integrator/tube,double-integrator/tube --seconds 30
 
 For each system and template it tries candidates in turn until `count` are accepted. It refuses a candidate
 
@@ -14,7 +15,9 @@ For each system and template it tries candidates in turn until `count` are accep
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
 followed by the local search over held actions of `best_known.py`. What is there already is kept: the same command goes
 on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
-With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each.
+With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each. With `--exact` it solves
+a mixed-integer program for each start of these tasks, within so many seconds: its actions replace worse ones of the
+witness, and what it proves may lower the bound. It is for linear systems, and too large where F stands inside of G.
 """
 
 from __future__ import annotations
@@ -22,13 +25,16 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from best_known import replay, search, taken
-from suite_bounds import upper_bound
+from suite_bounds import Reach, upper_bound
 from suite_drives import witness
+from suite_linear import optimum
 
 import stlbench_tasks.suite
 from stlbench.contract import ActionGrid, Array
@@ -87,6 +93,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--bounds", action="store_true")
     parser.add_argument("--longer")
+    parser.add_argument("--exact")
     options = parser.parse_args()
     table: dict[str, Any] = {"accepted": {}, "refused": {}, "short": []}
     stored = dict[str, Array]()
@@ -97,7 +104,9 @@ def main() -> None:
         tighten(options.systems.split(","), table)
     if options.longer:
         search_on(options.longer.split(","), options.seconds, table, stored)
-    if options.bounds or options.longer:
+    if options.exact:
+        solve(options.exact.split(","), options.seconds, table, stored)
+    if options.bounds or options.longer or options.exact:
         write(table, stored)
         return
     for template in TEMPLATES:
@@ -119,18 +128,47 @@ def tighten(systems: list[str], table: dict[str, Any]) -> None:
 
 def search_on(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
     """Change actions of the stored witnesses of some tasks at random, and keep what is better."""
-    named = [name for name in stored if any(f"{name}/".startswith(f"{part}/") for part in parts)]
-    for name in named:
+    for name, task, row in named(parts, table, stored):
+        assert isinstance(task.actions, ActionGrid)
+        before = task.actions.vectors[stored[name]]
+        keep(name, task, row, search(task, task.starts.report_and_selection()[0], before, seconds), stored)
+
+
+def solve(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
+    """The best actions from each start of some tasks, and the bound that their programs prove."""
+    for name, task, row in named(parts, table, stored):
+        assert isinstance(task.actions, ActionGrid)
+        reach, actions = Reach(task, SYSTEMS[name.partition("/")[0]]), task.actions.vectors[stored[name]]
+        most, before, bounds = cache(reach.most), replay(task, actions).robustness, list[float]()
+        for i in range(len(actions)):
+            found = optimum(task, i, most, seconds)
+            bounds.append(found.bound)
+            if found.actions is not None:
+                tried = actions.copy()
+                tried[i] = found.actions
+                if replay(task, tried).robustness[i] > before[i]:
+                    actions = tried
+        row["upper_bound"] = min(row["upper_bound"], round(float(np.mean(bounds)) + 5e-6, 5))
+        keep(name, task, row, actions, stored)
+        write(table, stored)
+
+
+def named(
+    parts: list[str], table: dict[str, Any], stored: dict[str, Array]
+) -> Iterator[tuple[str, Task, dict[str, Any]]]:
+    """The accepted tasks of these names, or of these systems and templates, each with its row."""
+    for name in [name for name in stored if any(f"{name}/".startswith(f"{part}/") for part in parts)]:
         pair, _, n = name.rpartition("/")
         row = table["accepted"][pair][int(n)]
-        task = load(Candidate(*pair.split("/"), level(int(n)), row["candidate"]))[0]
-        assert isinstance(task.actions, ActionGrid)
-        vectors = task.actions.vectors
-        found = search(task, task.starts.report_and_selection()[0], vectors[stored[name]], seconds)
-        score = replay(task, found).mean
-        print(f"{name}: {row['robustness']:.5f} -> {score:.5f}, bound {row['upper_bound']:.5f}", flush=True)
-        stored[name] = _indices(task, found)
-        row["robustness"] = round(score, 5)
+        yield name, load(Candidate(*pair.split("/"), level(int(n)), row["candidate"]))[0], row
+
+
+def keep(name: str, task: Task, row: dict[str, Any], actions: Array, stored: dict[str, Array]) -> None:
+    """Store a witness (starts, decisions, axes)."""
+    score = replay(task, actions).mean
+    print(f"{name}: {row['robustness']:.5f} -> {score:.5f}, bound {row['upper_bound']:.5f}", flush=True)
+    stored[name] = _indices(task, actions)
+    row["robustness"] = round(score, 5)
 
 
 def _indices(task: Task, sequences: Array) -> Array:

@@ -31,10 +31,7 @@ def upper_bound(task: Task, system: type[SuiteSystem]) -> float:
     3. The formula, read on these bounds, bounds its robustness, as it falls with none of the margins.
     4. Parts that all have to hold at one step are at most as large as the greatest value of their least margin.
     """
-    begun = task.starts.report_and_selection()[0]
-    signals, steps = task.system.signals(begun), task.file.steps
-    way = system.about.farthest(task.file.sampling_time * np.arange(steps + 1))
-    reach = _Reach(task, system, signals, way)
+    reach = Reach(task, system)
     traces = list[Array]()
 
     def part(window: Window) -> stl.Formula:
@@ -49,11 +46,13 @@ def upper_bound(task: Task, system: type[SuiteSystem]) -> float:
     return float(robustness.mean())
 
 
-class _Reach:
+class Reach:
     """How large margins can be, step by step, from each start."""
 
-    def __init__(self, task: Task, system: type[SuiteSystem], signals: Array, way: Array) -> None:
-        self.task, self.system, self.signals, self.way = task, system, signals, way
+    def __init__(self, task: Task, system: type[SuiteSystem]) -> None:
+        self.task, self.system = task, system
+        self.signals = task.system.signals(task.starts.report_and_selection()[0])
+        self.way = way = system.about.farthest(task.file.sampling_time * np.arange(task.file.steps + 1))
         self.box = {name: (low - way[-1] - 1, high + way[-1] + 1) for name, (low, high) in task.file.box.items()}
 
     def most(self, psi: stl.Formula) -> Array:
