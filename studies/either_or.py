@@ -11,11 +11,8 @@ It takes some seconds, and prints rho of the programme and of the replay, with t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import coo_array
+from programme import Programme
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -30,48 +27,11 @@ M = 40.0
 """More than any margin less any robustness."""
 
 
-class Programme:
-    """Maximise rho: linear rows over variables that are named as they are made."""
-
-    def __init__(self) -> None:
-        self.low, self.high, self.whole = list[float](), list[float](), list[int]()
-        self.rows, self.least, self.most = list[Mapping[int, float]](), list[float](), list[float]()
-
-    def variable(self, low: float, high: float, whole: bool = False) -> int:
-        """A new variable between two numbers, perhaps a whole one."""
-        self.low.append(low)
-        self.high.append(high)
-        self.whole.append(int(whole))
-        return len(self.low) - 1
-
-    def require(self, row: Mapping[int, float], least: float, most: float = np.inf) -> None:
-        """The sum of variables times their factors lies between two numbers."""
-        self.rows.append(row)
-        self.least.append(least)
-        self.most.append(most)
-
-    def maximise(self, variable: int) -> Array:
-        """All variables at the optimum. Raises `RuntimeError` where none was proven."""
-        entries = [(i, j, factor) for i, row in enumerate(self.rows) for j, factor in row.items()]
-        rows, columns, factors = zip(*entries, strict=True)
-        matrix = coo_array((factors, (rows, columns)), shape=(len(self.rows), len(self.low))).tocsr()
-        cost = np.zeros(len(self.low))
-        cost[variable] = -1
-        found = milp(
-            cost,
-            constraints=LinearConstraint(matrix, self.least, self.most),
-            integrality=self.whole,
-            bounds=Bounds(self.low, self.high),
-            options={"mip_rel_gap": 1e-6},
-        )
-        if found.status != 0:
-            raise RuntimeError(found.message)
-        values: Array = found.x
-        return values
-
-
 def solve(targets: tuple[tuple[float, ...], ...]) -> tuple[float, Array]:
-    """The greatest robustness with these targets, and the forces (STEPS, 2) that reach it."""
+    """The greatest robustness with these targets, and the forces (STEPS, 2) that reach it.
+
+    Raises `RuntimeError` where no optimum was proven.
+    """
     programme = Programme()
     rho = programme.variable(-M / 8, M / 8)
     states, forces = _motion(programme)
@@ -83,7 +43,10 @@ def solve(targets: tuple[tuple[float, ...], ...]) -> tuple[float, Array]:
     for state in states:
         sides = [_beyond(programme, rho, state, *side) for side in _sides(OBSTACLE, outside=True)]
         programme.require(dict.fromkeys(sides, 1.0), 1)
-    values = programme.maximise(rho)
+    found = programme.maximise(rho, mip_rel_gap=1e-6)
+    if found.status != 0:
+        raise RuntimeError(found.message)
+    values: Array = found.x
     return float(values[rho]), values[np.array(forces)]
 
 

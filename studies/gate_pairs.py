@@ -12,7 +12,6 @@ docs/howto/share.md. A run takes half a minute on an idle machine.
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
 import subprocess
@@ -22,6 +21,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from row_by_row import add, rows
 
 ROOT = Path(__file__).parents[1]
 CLONES, TABLES = ROOT / "build" / "gate-pairs", ROOT / "results" / "gate-pairs"
@@ -126,23 +127,6 @@ def run(machine: str, code: str, number: int) -> tuple[dict[str, Any], list[dict
     return row, turns
 
 
-def rows(table: Path) -> Iterator[dict[str, str]]:
-    """What is recorded; nothing where there is no table."""
-    if table.exists():
-        with table.open(newline="", encoding="utf-8") as file:
-            yield from csv.DictReader(file)
-
-
-def add(table: Path, columns: tuple[str, ...], found: list[dict[str, Any]]) -> None:
-    """Append rows, below a head."""
-    new = not table.exists()
-    with table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
-        if new:
-            writer.writeheader()
-        writer.writerows(found)
-
-
 def main() -> None:
     """Run what is missing, and print the table of docs/howto/share.md."""
     parser = argparse.ArgumentParser(description="Errors of `stlbench gate --against` in real runs.")
@@ -175,7 +159,7 @@ def run_missing(machine: str, wanted: Mapping[str, int]) -> None:
 
 def table() -> Iterator[str]:
     """How the runs of each kind ended, as Markdown for docs/howto/share.md."""
-    recorded = list(rows(TABLES / "runs.csv"))
+    recorded = rows(TABLES / "runs.csv")
     yield "| machine | code | runs | exit codes | CPU | robustness |"
     yield "|---|---|---|---|---|---|"
     for machine, code in sorted({(row["machine"], row["code"]) for row in recorded}):

@@ -10,7 +10,6 @@ task's budget. results/many-formulas/scores.csv gets a line as each is scored; w
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,6 +18,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from row_by_row import add, rows
 from suite import load
 
 from stlbench.contract import Array, Integers, Policy, Training, Transition
@@ -66,16 +66,17 @@ def main(pairs: Sequence[str]) -> None:
         tests = [load_task(f"suite:{pair}/{number}") for number in TESTS]
         for seed in SEEDS:
             for test in tests:
-                compared(pair, 1, seed, [test], [test])
+                compared(pair, 1, seed, [test])
             for count in FORMULAS:
-                compared(pair, count, seed, alike(pair, count, tests[0]), tests)
+                compared(pair, count, seed, tests)
 
 
-def compared(pair: str, count: int, seed: int, tasks: Sequence[Task], tests: Sequence[Task]) -> None:
-    """Train on some tasks, score on others, and write the lines that are not there yet."""
-    known = {(row["pair"], row["formulas"], row["seed"], row["test"]) for row in _rows()}
+def compared(pair: str, count: int, seed: int, tests: Sequence[Task]) -> None:
+    """Train on so many formulas, one being the test's own; score on the tests, unless their lines are there."""
+    known = {(row["pair"], row["formulas"], row["seed"], row["test"]) for row in rows(SCORES)}
     if all((pair, str(count), str(seed), test.name) in known for test in tests):
         return
+    tasks = tests if count == 1 else alike(pair, count, tests[0])
     began = process_time()
     method = "flag" if "patrol" in pair else "raw"
     agent = agent_for(tasks[0].actions)
@@ -89,7 +90,8 @@ def compared(pair: str, count: int, seed: int, tasks: Sequence[Task], tests: Seq
         known_best = test.file.best_known
         assert known_best is not None
         numbers = (score.satisfaction, score.mean, baselines.at_random(test).mean, known_best.robustness)
-        _write((pair, count, seed, test.name, *(round(each, 5) for each in numbers), steps, round(seconds, 1)))
+        line = (pair, count, seed, test.name, *(round(each, 5) for each in numbers), steps, round(seconds, 1))
+        add(SCORES, COLUMNS, [dict(zip(COLUMNS, line, strict=True))])
 
 
 def trained(tasks: Sequence[Task], name: str, method: str, steps: int, seed: int) -> Policy:
@@ -136,21 +138,6 @@ def alike(pair: str, count: int, test: Task) -> list[Task]:
 def _size(task: Task) -> int:
     helped = automatic(task, agent_for(task.actions))
     return BatchEnvironment(helped, build_method(helped, "sparse"), 1, 0).observation_size
-
-
-def _rows() -> list[dict[str, str]]:
-    if not SCORES.is_file():
-        return []
-    with SCORES.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def _write(line: Sequence[Any]) -> None:
-    new = not SCORES.is_file()
-    SCORES.parent.mkdir(parents=True, exist_ok=True)
-    with SCORES.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([COLUMNS, line] if new else [line])
 
 
 if __name__ == "__main__":

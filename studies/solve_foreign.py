@@ -9,13 +9,14 @@ remark, what went wrong, after a look at the folder.
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+
+from row_by_row import add, rows
 
 ROOT = Path(__file__).parents[1]
 ROWS, FOLDERS = ROOT / "results" / "solve" / "foreign.csv", ROOT / "build" / "solve-foreign"
@@ -60,25 +61,17 @@ PROBLEMS: dict[str, list[str]] = {
 
 def main(names: list[str]) -> None:
     """Run what has no row."""
-    done = {row["environment"] for row in rows()}
+    done = {row["environment"] for row in rows(ROWS)}
     for name in names or list(PROBLEMS):
         if name not in done:
-            add(measured(name))
-
-
-def rows() -> list[dict[str, str]]:
-    """Those that are there."""
-    if not ROWS.is_file():
-        return []
-    with ROWS.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+            add(ROWS, COLUMNS, [measured(name)])
 
 
 def page() -> str:
     """The table of the page, in the order of the problems."""
     head = "| environment | formula | minutes | satisfied | certificate, 95 % | what went wrong |"
     lines = [head, "|---|---|--:|--:|--:|---|"]
-    known = {row["environment"]: row for row in rows()}
+    known = {row["environment"]: row for row in rows(ROWS)}
     for name in PROBLEMS:
         if name in known:
             row = known[name]
@@ -87,17 +80,6 @@ def page() -> str:
             cells = [f"`{name}`", f"`{formula}`", f"{float(row['cpu']) / 60:.1f}", row["satisfied"], certificate]
             lines.append(f"| {' | '.join([*cells, row['remark']])} |")
     return "\n".join(lines)
-
-
-def add(row: dict[str, str]) -> None:
-    """Write one more row."""
-    new = not ROWS.is_file()
-    ROWS.parent.mkdir(parents=True, exist_ok=True)
-    with ROWS.open("a", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        if new:
-            writer.writeheader()
-        writer.writerow(row)
 
 
 def measured(name: str) -> dict[str, str]:

@@ -139,16 +139,15 @@ def solve(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[
     for name, task, row in named(parts, table, stored):
         assert isinstance(task.actions, ActionGrid)
         reach, actions = Reach(task, SYSTEMS[name.partition("/")[0]]), task.actions.vectors[stored[name]]
-        most, before, bounds = cache(reach.most), replay(task, actions).robustness, list[float]()
-        for i in range(len(actions)):
-            found = optimum(task, i, most, seconds)
-            bounds.append(found.bound)
-            if found.actions is not None:
-                tried = actions.copy()
-                tried[i] = found.actions
-                if replay(task, tried).robustness[i] > before[i]:
-                    actions = tried
-        row["upper_bound"] = min(row["upper_bound"], round(float(np.mean(bounds)) + 5e-6, 5))
+        most, tried = cache(reach.most), actions.copy()
+        found = [optimum(task, place, most, seconds) for place in range(len(actions))]
+        for place, each in enumerate(found):
+            if each.actions is not None:
+                tried[place] = each.actions
+        better = np.greater(replay(task, tried).robustness, replay(task, actions).robustness)
+        actions = np.where(better[:, None, None], tried, actions)
+        bound = float(np.mean([each.bound for each in found]))
+        row["upper_bound"] = min(row["upper_bound"], round(bound + 5e-6, 5))
         keep(name, task, row, actions, stored)
         write(table, stored)
 

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import coo_array
+from programme import Programme
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
@@ -58,17 +57,16 @@ class _Program:
         axes, self._decisions = task.actions.axes, task.file.steps // task.file.hold
         self._least = np.array(task.actions.low)
         self._pitch = np.array([axis[1] - axis[0] for axis in axes])
-        count = self._decisions * len(axes)
-        self._high = [float(len(axis) - 1) for axis in axes] * self._decisions
-        self._low, self._whole = [0.0] * count, [1] * count
+        self._programme = Programme()
+        for axis in axes * self._decisions:
+            self._programme.variable(0, len(axis) - 1, whole=True)
         self._places = _places(task, task.starts.report_and_selection()[0][place], self._least, self._pitch)
-        self._rows: list[tuple[dict[int, float], float]] = []  # sum of coefficient times variable <= number
         self._known: dict[tuple[stl.Formula, int], int] = {}
 
     def part(self, formula: stl.Formula, t: int) -> int:
         """The variable that is at most the robustness of a part at step t."""
         if (formula, t) not in self._known:
-            self._known[formula, t] = self._variable(-_FAR, _FAR)
+            self._known[formula, t] = self._programme.variable(-_FAR, _FAR)
             self._limit(self._known[formula, t], formula, t)
         return self._known[formula, t]
 
@@ -85,19 +83,19 @@ class _Program:
             case _ if (disc := _DISC.fullmatch(str(formula))) is not None:
                 self._disc(own, disc, t)
             case _ if not stl.is_temporal(formula):
-                self._high[own] = float(self._most(formula)[self._place, t])
+                self._programme.high[own] = float(self._most(formula)[self._place, t])
             case _:
                 raise ValueError(f"no linear program for {formula}")
 
     def _all(self, own: int, parts: Iterable[tuple[stl.Formula, int]]) -> None:
         for formula, t in parts:
-            self._rows.append(({own: 1.0, self.part(formula, t): -1.0}, 0.0))
+            self._programme.require({own: 1.0, self.part(formula, t): -1.0}, -np.inf, 0.0)
 
     def _any(self, own: int, parts: list[tuple[stl.Formula, int]]) -> None:
-        chosen = [self._variable(0, 1, whole=True) for _ in parts]
+        chosen = [self._programme.variable(0, 1, whole=True) for _ in parts]
         for choice, (formula, t) in zip(chosen, parts, strict=True):
-            self._rows.append(({own: 1.0, self.part(formula, t): -1.0, choice: 2 * _FAR}, 2 * _FAR))
-        self._rows.append((dict.fromkeys(chosen, -1.0), -1.0))
+            self._programme.require({own: 1.0, self.part(formula, t): -1.0, choice: 2 * _FAR}, -np.inf, 2 * _FAR)
+        self._programme.require(dict.fromkeys(chosen, 1.0), 1.0)
 
     def _disc(self, own: int, disc: re.Match[str], t: int) -> None:
         """radius - n (p - centre) for the outward normal n of each side; p is linear in the actions."""
@@ -108,29 +106,13 @@ class _Program:
             normal = np.array([np.cos(angle), np.sin(angle)])
             weights = normal @ slope[t][columns]
             row = {int(i): float(weights[i]) for i in np.flatnonzero(weights)}
-            self._rows.append((row | {own: 1.0}, radius - float(normal @ (constant[t][columns] - centre))))
-
-    def _variable(self, low: float, high: float, *, whole: bool = False) -> int:
-        self._low.append(low)
-        self._high.append(high)
-        self._whole.append(int(whole))
-        return len(self._low) - 1
+            most = radius - float(normal @ (constant[t][columns] - centre))
+            self._programme.require(row | {own: 1.0}, -np.inf, most)
 
     def solved(self, root: int, seconds: float) -> Optimum:
         """Maximise a variable for at most so many seconds."""
-        entries = [(i, j, value) for i, (row, _) in enumerate(self._rows) for j, value in row.items()]
-        rows, columns, values = zip(*entries, strict=True)
-        matrix = coo_array((values, (rows, columns)), shape=(len(self._rows), len(self._low))).tocsr()
-        cost = np.zeros(len(self._low))
-        cost[root] = -1.0
-        found = milp(
-            cost,
-            integrality=self._whole,
-            bounds=Bounds(self._low, self._high),
-            constraints=LinearConstraint(matrix, -np.inf, [number for _, number in self._rows]),
-            options={"time_limit": seconds, "mip_rel_gap": _GAP},
-        )
-        bound = self._high[root] if found.mip_dual_bound is None else -float(found.mip_dual_bound)
+        found = self._programme.maximise(root, time_limit=seconds, mip_rel_gap=_GAP)
+        bound = self._programme.high[root] if found.mip_dual_bound is None else -float(found.mip_dual_bound)
         if found.x is None:
             return Optimum(bound, None)
         whole = np.round(found.x[: self._decisions * len(self._pitch)]).reshape(self._decisions, -1)

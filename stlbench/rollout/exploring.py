@@ -11,7 +11,7 @@ from stlbench.contract import Array, Integers
 from stlbench.stl import Formula
 from stlbench.task.entry import Region
 from stlbench.task.file import Near
-from stlbench.task.starts import sample
+from stlbench.task.starts import sampled_states
 from stlbench.task.task import Task
 
 _TRIED = 4096
@@ -23,7 +23,7 @@ def fulfilling(task: Task, region: Region, conditions: Sequence[Formula]) -> lis
     """For each condition on the signals the states (n, k) that fulfil it, of 4096 from a region, always the same."""
     if not conditions:
         return []
-    states = _drawn(task, region, np.random.default_rng(0), _TRIED)
+    states = sampled_states(task.system, region, np.random.default_rng(0), _TRIED)
     signals = task.system.signals(states)
     return [states[stl.holds(condition, task.signals)(signals)] for condition in conditions]
 
@@ -40,7 +40,7 @@ class ExploringStates:
 
     def draw(self, generator: np.random.Generator, t: Integers) -> Array:
         """States (count, k) for episodes that begin at the times (count,). All randomness is the generator's."""
-        states = _drawn(self._task, self._region, generator, len(t))
+        states = sampled_states(self._task.system, self._region, generator, len(t))
         if self._near:
             for row in np.flatnonzero(generator.random(len(t)) < _NEAR):
                 following = self._ends[self._ends >= t[row]]
@@ -48,7 +48,3 @@ class ExploringStates:
                     fulfil = self._near[generator.choice(np.flatnonzero(self._ends == following[0]))][1]
                     states[row] = fulfil[generator.integers(len(fulfil))]
         return states
-
-
-def _drawn(task: Task, region: Region, generator: np.random.Generator, count: int) -> Array:
-    return task.system.initial_states(sample(region, generator, count))

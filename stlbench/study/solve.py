@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 from stlbench.contract import Intractable, System, Unsuitable
@@ -65,11 +64,7 @@ def default_settings(task: Choice) -> tuple[PlanSetting, ...]:
     file, settings = load_task(task).file, [PlanSetting()]
     if all("gamma" in plugins.parameters(plugins.find("agents", name)) for name in _planners("reward")):
         settings.append(PlanSetting(parameters=(("gamma", "1"),)))
-    for part in _LEFT_OUT:
-        with suppress(ValueError):
-            file.without(part)
-            settings.append(PlanSetting(part))
-    return tuple(settings)
+    return (*settings, *(PlanSetting(part) for part in _LEFT_OUT if file.has(part)))
 
 
 def plan_alignment(

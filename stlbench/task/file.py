@@ -254,10 +254,13 @@ class TaskFile(Entry):
 
     def without(self, part: str) -> TaskFile:
         """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""
-        less = self.less(part)
-        if less == self:
+        if not self.has(part):
             raise ValueError(f"the task is without {part} as it is")
-        return less
+        return self.less(part)
+
+    def has(self, part: str) -> bool:
+        """Whether there is something of one of OPTIONAL to leave out. Raises `ValueError` for another part."""
+        return self.less(part) != self
 
     def plain(self) -> TaskFile:
         """This file without all of OPTIONAL that it has, for the track `plain`; where training starts is no part."""

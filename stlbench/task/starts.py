@@ -42,7 +42,7 @@ class StateStarts:
 
     def at_random(self, count: int) -> Array:
         """The report's many random starts, the same for every method and seed of a task."""
-        return self._drawn(self.initial, np.random.default_rng(_REPORTED), count)
+        return sampled_states(self.system, self.initial, np.random.default_rng(_REPORTED), count)
 
     def of_protocol(self, protocol: Protocol) -> Array:
         """An even grid of the protocol's region, or of the task's."""
@@ -50,10 +50,7 @@ class StateStarts:
 
     def of_training(self, generator: np.random.Generator, count: int) -> Array:
         """Where that many training episodes begin. All randomness is the generator's."""
-        return self._drawn(self.file.training.starts or self.initial, generator, count)
-
-    def _drawn(self, region: Region, generator: np.random.Generator, count: int) -> Array:
-        return self.system.initial_states(sample(region, generator, count))
+        return sampled_states(self.system, self.file.training.starts or self.initial, generator, count)
 
 
 _SELECTION, _RANDOM, _PROTOCOLS, _FRESH, _TRAINING, _END = 10**5, 2 * 10**5, 3 * 10**5, 10**6, 2**30, 2**31
@@ -110,6 +107,11 @@ def sample(region: Region, generator: np.random.Generator, count: int) -> Array:
         if missing == 0:
             return np.concatenate(drawn)
     raise _hopeless(region)
+
+
+def sampled_states(system: System, region: Region, generator: np.random.Generator, count: int) -> Array:
+    """The states (count, n) in which episodes begin, drawn as by `sample`."""
+    return system.initial_states(sample(region, generator, count))
 
 
 def grid(region: Region, count: int) -> Array:

@@ -29,7 +29,7 @@ from stlbench.registry.choices import Choice
 from stlbench.registry.suites import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts
-from stlbench.task.file import OPTIONAL, Axis, Budget, TaskFile
+from stlbench.task.file import Axis, Budget, TaskFile
 from stlbench.task.reading import errors_of, read
 from stlbench.task.starts import SeedStarts, StateStarts
 from stlbench.task.view import FormulaView, bent_columns
@@ -192,8 +192,9 @@ def load_task(choice: Choice | str) -> Task:
     errors += _misfits(dynamics or kind, reading.parts)
     if errors or reading.file is None or dynamics is None:
         raise errors_of(name, errors)
+    varied = _varied(reading.file, choice)  # it knows all parts that are left out
     lacking = tuple(part for part in _left_out(choice) if _is_without(reading.file, part, dynamics))
-    task = Task(choice, _varied(reading.file, choice), dynamics, lacking)
+    task = Task(choice, varied, dynamics, lacking)
     if isinstance(dynamics, GymTask):
         _ = task.source  # checks the file against the environment
     return task
@@ -205,7 +206,7 @@ def _left_out(choice: Choice) -> list[str]:
 
 def _is_without(file: TaskFile, part: str, dynamics: Dynamics) -> bool:
     """Whether a file is without a part. Only a system has features beyond its state."""
-    return part in OPTIONAL and (file.less(part) == file or (part == "features" and not isinstance(dynamics, System)))
+    return not file.has(part) or (part == "features" and not isinstance(dynamics, System))
 
 
 def _varied(file: TaskFile, choice: Choice) -> TaskFile:

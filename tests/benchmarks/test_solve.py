@@ -8,7 +8,6 @@ delete the file for a new one.
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import subprocess
@@ -76,13 +75,7 @@ def _measured(task: str, contestant: str) -> Cell:
     else:
         facts = _answer([task, name, str(SEED), str(_limit(task))], FOLDERS / f"{task}-{contestant}.json")
     cell = {"task": task, "contestant": contestant, "seed": SEED, **facts}
-    new = not CELLS.is_file()
-    CELLS.parent.mkdir(parents=True, exist_ok=True)
-    with CELLS.open("a", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
-        if new:
-            writer.writeheader()
-        writer.writerow(cell)
+    load("row_by_row").add(CELLS, COLUMNS, [cell])
     return cell
 
 

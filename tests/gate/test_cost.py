@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import math
-import runpy
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.studies import load
 
 from stlbench.gate.judge import COSTS, Comparison, Verdict
 from stlbench.gate.snapshot import Sample, Snapshot
@@ -163,5 +163,5 @@ def test_equal_code_is_worse_once_in_200_runs_at_most_and_1_3_times_as_long_is_f
 
 def test_the_page_says_how_the_recorded_runs_ended() -> None:
     root = RECORDED.parents[2]
-    printed = runpy.run_path(str(root / "studies" / "gate_pairs.py"))["table"]()
+    printed = load("gate_pairs").table()
     assert "\n".join(printed) in (root / "docs" / "howto" / "share.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from stlbench.rollout.baselines import constants
 from stlbench.study.study import Study
 from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import load_task
-from stlbench.task.file import OPTIONAL, TaskFile
+from stlbench.task.file import OPTIONAL
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -31,7 +31,7 @@ def test_recipes(name: str) -> None:
 def test_the_ablation_leaves_out_each_part_of_each_recipe_of_the_papers_tasks_once() -> None:
     study = Study.of({}, Path(__file__).parents[2] / "studies/ablation.yaml")
     files = {name: load_task(name).file for name in PAPER}
-    parts = {f"{name}[without={part}]" for name, file in files.items() for part in OPTIONAL if has(file, part)}
+    parts = {f"{name}[without={part}]" for name, file in files.items() for part in OPTIONAL if file.has(part)}
     assert sorted(map(str, study.tasks)) == sorted(parts)
     assert (len(study.methods or ()), len(study.seeds or ())) == (3, 5)
 
@@ -41,12 +41,5 @@ def test_the_ablation_on_auto_leaves_out_each_part_that_the_rules_derive_for_tas
     tasks = [task for task in map(load_task, PAPER) if not constants(task).trivial]
     derived = {task.name: on_track(task, Choice(own_agent_on(task, "auto")), "auto").file for task in tasks}
     optional = set(OPTIONAL) - {"hold"}  # which no rule derives
-    parts = {f"{name}[without={part}]" for name, file in derived.items() for part in optional if has(file, part)}
+    parts = {f"{name}[without={part}]" for name, file in derived.items() for part in optional if file.has(part)}
     assert sorted(map(str, study.tasks)) == sorted(parts)
-
-
-def has(file: TaskFile, part: str) -> bool:
-    try:
-        return file.without(part) != file
-    except ValueError:
-        return False
