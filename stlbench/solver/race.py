@@ -84,17 +84,18 @@ class Trainer:
     ) -> list[Result]:
         """The results of these cells, the best first.
 
-        They end with the first that is `enough`, or where the time before the delivery is too short. A study has one
-        agent.
+        They end with the first that is `enough`. Where the time before the delivery is too short no more begin, but
+        those that run side by side all end. A study has one agent.
         """
-        half = (self.posed.task.budget(budget).seconds or 0.0) / 2
+        half, ended = (self.posed.task.budget(budget).seconds or 0.0) / 2, list[Result]()
 
         def is_last(result: Result) -> bool:
-            return enough(result) or self._left <= half
+            ended.append(result)
+            return enough(result) or (len(ended) % self._at_once == 0 and self._left <= half)
 
         results = list[Result]()
         for agent in dict.fromkeys(each.agent for each in who):
-            if any(map(is_last, results)):
+            if results and (any(map(enough, results)) or self._left <= half):
                 break
             results += run_study(
                 tasks=[TASK],

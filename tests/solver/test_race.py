@@ -119,6 +119,17 @@ def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.Monk
     assert {result.id.budget for result in trained} <= {"probe", "rung-1"}
 
 
+@pytest.mark.parametrize(("jobs", "seeds"), [(1, [200]), (2, [200, 201])])
+def test_trainings_that_run_side_by_side_all_end(monkeypatch: pytest.MonkeyPatch, jobs: int, seeds: list[int]) -> None:
+    played = Played(monkeypatch, {})
+    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    posed.begin(3.0)
+    (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool)
+    played.now = 120.0  # the delivery begins at 144
+    Trainer(posed, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
+    assert [cell[3] for cell in played.cells[1:]] == seeds
+
+
 def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     played, planned = Played(monkeypatch, {}), dict[float, float]()
     for minutes in (3.0, 4.0):
