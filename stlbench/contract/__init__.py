@@ -27,7 +27,7 @@ Its distribution names it in `pyproject.toml`: `[project.entry-points."stlbench.
 | group | base class | write |
 |---|---|---|
 | `stlbench.methods` | `RewardMethod` | `arrival`, where the reward depends on the sample and the time; else `along` |
-| `stlbench.tasks` | `System` | `step`, `signals`, `features`; `task.yaml` in the same package says the rest |
+| `stlbench.tasks` | `System` | `step`, `signals`; `task.yaml` in the same package says the rest |
 | `stlbench.agents` | `Agent` | `train`: steps an `Environment`, returns a `Policy` with `act` |
 | `stlbench.executors` | `Executor` | `run`: calls a function on items in processes of their own |
 | `stlbench.logs` | `RunLog` | `ended`: takes the result of a cell |
@@ -51,7 +51,8 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `RewardMethod.counterfactuals`, `counterfactual` | methods that know the reward from other memories: cfer, machine |
 | `CounterfactualEnvironment` | agents that learn from other memories: dqn |
 | `RewardMethod.extension` | methods that go beyond the form of their publication |
-| `System.initial_states`, `scaled_state`, `controller` | other coordinates, the track `plain`, reference scores |
+| `System.initial_states`, `features`, `controller` | other coordinates, more to see than the state, reference scores |
+| `System.scaled_state` | states that are far from 1 |
 | `GymTask`, `WorldTask`, `World` | environments of Gymnasium, simulations in C++ or on a GPU |
 | `Agent.search_space`, `cost` | agents for `stlbench tune`, agents to which inputs are dear |
 | `Agent.restore`, `Policy.arrays`, `Policy.onnx` | policies that are stored and exported |

@@ -36,13 +36,6 @@ class System(ABC):
     def signals(self, state: Array) -> Array:
         """The signals of the formula: (..., n) -> (..., k), in the order of the task file's `signals`."""
 
-    @abstractmethod
-    def features(self, state: Array, t: Integers) -> Array:
-        """What the policy sees of the state, scaled to about [-1, 1]: (N, n), t (N,) in 0..T -> (N, d).
-
-        The harness appends the time t/T and the method's inputs.
-        """
-
     # ------------------------------------------------------------------ additions
 
     coordinates: ClassVar[tuple[str, ...] | None] = None
@@ -53,6 +46,13 @@ class System(ABC):
     def initial_states(self, coordinates: Array) -> Array:
         """The states (N, n) at points (N, number of `coordinates`) of a box of initial states. The same by default."""
         return coordinates
+
+    def features(self, state: Array, t: Integers) -> Array:
+        """What the policy sees of the state, scaled to about [-1, 1]: (N, n), t (N,) in 0..T -> (N, d).
+
+        The harness appends the time t/T and the method's inputs. The scaled state by default.
+        """
+        return self.scaled_state(state)
 
     def scaled_state(self, state: Array) -> Array:
         """The state alone: (N, n) -> (N, d), each column about in [-1, 1], an angle as its cosine and sine.

@@ -1,4 +1,4 @@
-"""Digests of what can change a result: Python without its comments, `task.yaml` without its words for people."""
+"""Digests of what can change a result: Python without its comments, a task's files without their words for people."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from typing import NamedTuple
 import yaml
 
 TASK_FILE = "task.yaml"  # the name that a task's file always has
+BY_HAND_FILE = "by_hand.yaml"  # and that of the file beside it, which has what somebody made so that it is learned
+TASK_FILES = (TASK_FILE, BY_HAND_FILE)
 WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
 """What it says for people, tables and pictures alone."""
 _TEXT = r"\"\"\"(?:\\.|(?!\"\"\").)*\"\"\"|'''(?:\\.|(?!''').)*'''|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'"
@@ -32,7 +34,7 @@ class _Source(NamedTuple):
 def effective_digest(path: Path, module: str = "") -> _Source:
     """Read a file, unless it was read before and has the same size and time. Raises `OSError`.
 
-    Comments, docstrings, blank lines and `__version__` of Python do not count, nor the `WORDS` of a `task.yaml`. Of
+    Comments, docstrings, blank lines and `__version__` of Python do not count, nor the `WORDS` of `TASK_FILES`. Of
     any other file, and of one that cannot be parsed, all bytes count. A Python file has the name of its `module`.
     """
     seen = path.stat()
@@ -42,7 +44,7 @@ def effective_digest(path: Path, module: str = "") -> _Source:
 @lru_cache(maxsize=4096)
 def _read(path: Path, module: str, seen: tuple[int, ...]) -> _Source:
     content = path.read_bytes()
-    if path.name == TASK_FILE:
+    if path.name in TASK_FILES:
         return _Source(_digest(_without_words(content)))
     return _of_python(content, module, path.name == "__init__.py") if module else _Source(_digest(content))
 

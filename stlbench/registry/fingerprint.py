@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from stlbench.registry.effective_source import TASK_FILE, effective_digest
+from stlbench.registry.effective_source import TASK_FILES, effective_digest
 
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
@@ -38,8 +38,8 @@ class Code:
 
     @cached_property
     def digest(self) -> str:
-        """Of the files, 32 hex digits. A `task.yaml` has no part in it: a task's key has what it says."""
-        text = [f"{name} {digest}\n" for name, digest in self.files if not name.endswith(f"/{TASK_FILE}")]
+        """Of the files, 32 hex digits. `TASK_FILES` have no part in it: a task's key has what they say."""
+        text = [f"{name} {digest}\n" for name, digest in self.files if name.rpartition("/")[2] not in TASK_FILES]
         return hashlib.sha256("".join(text).encode()).hexdigest()[:32]
 
     @property

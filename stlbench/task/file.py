@@ -187,6 +187,8 @@ class Baselines(Entry):
 
 OPTIONAL = ("features", "rewarded", "hold", "cuts", "ends", "near", "exploring")
 """What a task can be trained without, to learn what it is worth."""
+BY_HAND = ("rewarded", "nested", "features", "training", "agents")
+"""What a `by_hand.yaml` may say in place of the `task.yaml` beside it: what somebody made so that a robot learns."""
 
 
 class TaskFile(Entry):

@@ -1,4 +1,4 @@
-"""From the text of a `task.yaml` to a task file, or to all that is wrong with it."""
+"""From the texts of a `task.yaml` and a `by_hand.yaml` to a task file, or to all that is wrong with it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from stlbench.errors import UsageError, did_you_mean, in_words
+from stlbench.errors import UsageError, did_you_mean, in_words, one_line
 from stlbench.task.checks import check_entries
 from stlbench.task.entry import Parts, Timing
-from stlbench.task.file import TaskFile
+from stlbench.task.file import BY_HAND, TaskFile
 from stlbench.task.yaml_text import load_yaml
 
 
@@ -29,12 +29,16 @@ class Reading:
 
 
 @lru_cache(maxsize=64)
-def read(text: str, name: str) -> Reading:
-    """A task file's text, with every error. Raises `UsageError` where it is no YAML.
+def read(text: str, name: str, by_hand: str | None = None) -> Reading:
+    """A task file's text, with every error, and that of the `by_hand.yaml` beside it, if there is one.
+
+    Raises `UsageError` where one of them is no YAML, or `by_hand.yaml` has a key that it may not have.
 
     Cached, since a command asks for its tasks several times, and YAML is slow to read.
     """
     content = load_yaml(text, f"task {name}: task.yaml")
+    if by_hand is not None:
+        content = _merged(content, by_hand, f"task {name}: by_hand.yaml")
     timing = _timing(content)
     try:
         file = TaskFile.model_validate(content, context=timing)
@@ -46,6 +50,21 @@ def read(text: str, name: str) -> Reading:
     return Reading(None if errors else file, parts, errors)
 
 
+def _merged(content: Any, by_hand: str, place: str) -> Any:
+    """The content of both files. Raises `UsageError` where the second has a key that is not its own, or of both."""
+    more = load_yaml(by_hand, place)
+    if not isinstance(more, Mapping):
+        raise UsageError(f"{place}: expected a mapping, {{key: value}}")
+    if not isinstance(content, Mapping):
+        return content  # which is an error by itself
+    for key in more:
+        if key not in BY_HAND:
+            raise UsageError(f"{place}: {one_line(key)}: the keys of this file are {', '.join(BY_HAND)}")
+        if key in content:
+            raise UsageError(f"{place}: {key}: task.yaml has it too; leave it in one of the two files")
+    return {**content, **more}
+
+
 def read_task_file(text: str, name: str) -> TaskFile:
     """A task file's text, checked by itself, without its system. Raises `UsageError` that lists every error."""
     reading = read(text, name)
@@ -54,9 +73,10 @@ def read_task_file(text: str, name: str) -> TaskFile:
     return reading.file
 
 
-def errors_of(name: str, errors: Sequence[str]) -> UsageError:
+def errors_of(name: str, errors: Sequence[str], by_hand: str | None = None) -> UsageError:
     lines = "\n".join(errors).replace("\n", "\n  ")
-    return UsageError(f"task {name}: task.yaml has errors:\n  {lines}")
+    files = "task.yaml" if by_hand is None else "task.yaml with by_hand.yaml"
+    return UsageError(f"task {name}: {files} has errors:\n  {lines}")
 
 
 def _timing(content: Any) -> Timing:

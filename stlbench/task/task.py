@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -26,6 +27,7 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
+from stlbench.registry.effective_source import BY_HAND_FILE, TASK_FILE
 from stlbench.registry.suites import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts
@@ -179,7 +181,8 @@ def load_task(choice: Choice | str) -> Task:
     name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
-    reading = read(plugin.file if isinstance(plugin, SuitePlugin) else _text(name, kind), name)
+    text, by_hand = (plugin.file, None) if isinstance(plugin, SuitePlugin) else _texts(name, kind)
+    reading = read(text, name, by_hand)
     errors = list(reading.errors)
     dynamics = None
     try:
@@ -191,7 +194,7 @@ def load_task(choice: Choice | str) -> Task:
         errors.append(str(error))
     errors += _misfits(dynamics or kind, reading.parts)
     if errors or reading.file is None or dynamics is None:
-        raise errors_of(name, errors)
+        raise errors_of(name, errors, by_hand)
     varied = _varied(reading.file, choice)  # it knows all parts that are left out
     lacking = tuple(part for part in _left_out(choice) if _is_without(reading.file, part, dynamics))
     task = Task(choice, varied, dynamics, lacking)
@@ -233,17 +236,25 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _text(name: str, kind: type) -> str:
+def _texts(name: str, kind: type) -> tuple[str, str | None]:
+    """Of `task.yaml`, and of `by_hand.yaml` where there is one."""
     package = kind.__module__.rpartition(".")[0]
     if not package:
         raise UsageError(f"task {name}: {kind.__module__} is in no package; a task is a package with a task.yaml")
+    place = folders.place_of(name) or resources.files(package)
+    text, by_hand = (_text(place.joinpath(file), name) for file in (TASK_FILE, BY_HAND_FILE))
+    if text is None:
+        raise UsageError(f"task {name}: there is no task.yaml in the package {package}")
+    return text, by_hand
+
+
+def _text(file: Traversable, name: str) -> str | None:
     try:
-        place = folders.place_of(name) or resources.files(package)
-        return place.joinpath("task.yaml").read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
     except (OSError, UnicodeError) as error:
-        raise UsageError(f"task {name}: task.yaml cannot be read: {error}") from error
+        raise UsageError(f"task {name}: {file.name} cannot be read: {error}") from error
 
 
 def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench.contract import Array, Integers, System
+from stlbench.contract import Array, System
 from stlbench_tasks.random_numbers import normal
-from stlbench_tasks.steering import Steering, polar
+from stlbench_tasks.steering import Steering
 
 REGIONS = ((4.0, 4.0), (4.0, 2.0))
 """Centres of the regions A and B, squares with sides of 1 m."""
@@ -27,7 +27,6 @@ class NoisyUnicycle(System):
 
     state = ("x", "y", "heading", "seed", "count")
     coordinates = ("x", "y", "heading", "seed")
-    beyond_state = ("distance and bearing of each region", "close-ups of both")
 
     def __init__(self, dt: float, *, noise: float = 0.1) -> None:
         super().__init__(dt)
@@ -52,19 +51,6 @@ class NoisyUnicycle(System):
     def signals(self, state: Array) -> Array:
         """x, y: (..., 5) -> (..., 2)."""
         return state[..., :2]
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """The pose, and each region from there: (N, 12).
-
-        x and y from -1 to 1 over the room, the heading's cosine and sine. Of A, then of B: the centre's distance over
-        5 m and as tanh over 0.5 m, and its bearing's cosine and sine, which fade out at the centre.
-        """
-        columns = [self.scaled_state(state)]
-        for x, y in REGIONS:
-            distance, bearing = polar(state, x, y)
-            near = np.tanh(distance / 0.5)
-            columns.append(np.stack([distance / 5, near, np.cos(bearing) * near, np.sin(bearing) * near], axis=1))
-        return np.concatenate(columns, axis=1)
 
     def scaled_state(self, state: Array) -> Array:
         """x and y from -1 to 1 over [0, 5] m, the heading's cosine and sine, and nothing of the noise: (N, 4)."""

@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench_tasks.mujoco_model import MujocoSystem, columns
 
-_SWITCHES = np.array([300, 600])
-"""The last steps of the first two intervals: to let the ball go, and to catch it again, begin after them."""
 _BALL_HEIGHT = 0.2
 """Metres above the ground at which the model's coordinate of the ball is zero."""
 _HELD, _WEIGHT = 5, 0.14
@@ -34,7 +32,6 @@ class BallInCup(MujocoSystem):
     model_file = ("dm_control", "suite/ball_in_cup.xml")
     state = columns(("cup_x", "cup_z", "ball_x", "ball_z"), "x", "z")
     coordinates = ("ball_x", "ball_z")
-    beyond_state = ("whether the ball is to be caught", "where the ball is from the cup")
 
     def __init__(self, dt: float) -> None:
         super().__init__(dt)
@@ -54,15 +51,6 @@ class BallInCup(MujocoSystem):
     def signals(self, state: Array) -> Array:
         """distance: (..., 14) -> (..., 1)."""
         return np.hypot(state[..., -2:-1], state[..., -1:])
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """Where the cup is, where the ball is from it, their speeds, and what is asked for at t: (N, 9).
-
-        Places of the cup over 0.33 m and of the ball over 0.25 m, speeds over 2 m/s; 1 where the ball is to be caught
-        and -1 where it is to be let go.
-        """
-        caught = 1.0 - 2.0 * (np.searchsorted(_SWITCHES, t, side="right") == 1)
-        return np.concatenate([state[:, :2] * 3, state[:, -2:] * 4, state[:, 4:8] / 2, caught[:, None]], axis=1)
 
     def scaled_state(self, state: Array) -> Array:
         """Places of cup and ball, each from its own zero, over 0.33 m, and their speeds over 2 m/s: (N, 8).

@@ -9,7 +9,7 @@ from stlbench_tasks.mujoco_model import MujocoSystem, columns
 
 _SWITCH = 500
 """The last step of the first place's interval: the cart goes to the second place after it."""
-_PLACE = 0.5
+PLACE = 0.5
 _GAIN = np.array([1.7, 9.0, 1.7, 2.4])
 """About the linear-quadratic regulator for actions held 0.05 s: costs 1 on x^2 and theta^2, 0.1 on other squares."""
 
@@ -24,7 +24,6 @@ class Cartpole(MujocoSystem):
     model_file = ("dm_control", "suite/cartpole.xml")
     state = columns(("x", "theta"))
     coordinates = ("x", "theta", "v", "omega")
-    beyond_state = ("which place counts", "a close-up of the way to it", "a close-up of the angle")
 
     def initial_states(self, coordinates: Array) -> Array:
         """Position, angle, speed and angular speed (N, 4) -> (N, 6)."""
@@ -38,18 +37,6 @@ class Cartpole(MujocoSystem):
         theta = (state[..., 1] + np.pi) % (2 * np.pi) - np.pi
         return np.stack([state[..., 0], theta, state[..., 3]], axis=-1)
 
-    def features(self, state: Array, t: Integers) -> Array:
-        """Where the cart is, how the pole stands, both speeds, and the place that counts at t: (N, 8).
-
-        Position in m, the angle's sine and cosine, speed in m/s, angular speed in 2 rad/s; to resolve what is left,
-        the tanh of the way to the place over 0.2 m and of the angle over 0.1 rad; 1 for the first place, -1 for the
-        second.
-        """
-        x, theta, v, omega = state[:, :4].T
-        place = _place(t)
-        fine = [np.tanh((x - place) / 0.2), np.tanh(np.sin(theta) / 0.1)]
-        return np.stack([x, np.sin(theta), np.cos(theta), v, omega / 2, *fine, place / _PLACE], axis=1)
-
     def scaled_state(self, state: Array) -> Array:
         """Position over 1.8 m, the rail's end, the angle's cosine and sine, speeds over 2 m/s and 4 rad/s: (N, 5).
 
@@ -60,11 +47,11 @@ class Cartpole(MujocoSystem):
 
     def controller(self, state: Array, t: Integers) -> Array:
         """A linear-quadratic regulator about the place that counts at t: (N, 1)."""
-        error = state[:, :4] - _place(t)[:, None] * [1, 0, 0, 0]
+        error = state[:, :4] - place_at(t)[:, None] * [1, 0, 0, 0]
         force: Array = np.clip(error @ _GAIN, -1, 1)
         return force[:, None]
 
 
-def _place(t: Integers) -> Array:
+def place_at(t: Integers) -> Array:
     """Where the cart is wanted from step t on, in m."""
-    return np.where(t < _SWITCH, _PLACE, -_PLACE)
+    return np.where(t < _SWITCH, PLACE, -PLACE)

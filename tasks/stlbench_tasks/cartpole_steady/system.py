@@ -23,7 +23,6 @@ class CartpoleSteady(System):
     """
 
     state = ("x", "x_dot", "theta", "theta_dot")
-    beyond_state = ("close-ups of place, speed and angle",)
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 4), (N, 1) -> (N, 4)."""
@@ -39,11 +38,6 @@ class CartpoleSteady(System):
     def signals(self, state: Array) -> Array:
         """x, x_dot, theta: (..., 4) -> (..., 3)."""
         return state[..., :3]
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """The scaled state, and the tanh of place, speed and angle over 0.5 m, 0.2 m/s and 0.2 rad: (N, 7)."""
-        fine = np.tanh(state[:, :3] / [0.5, 0.2, 0.2])
-        return np.concatenate([self.scaled_state(state), fine], axis=1)
 
     def scaled_state(self, state: Array) -> Array:
         """x in m, theta over the 12 degrees that end Gymnasium's episodes, speeds over 2 m/s and 2 rad/s: (N, 4).

@@ -6,10 +6,8 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, System
 
-_PLACES = np.array([[1.5, 6.5], [7.5, 5.0], [7.5, 8.5]])
+PLACES = np.array([[1.5, 6.5], [7.5, 5.0], [7.5, 8.5]])
 """Centres of the two targets and of the goal."""
-_OBSTACLE = (4.0, 5.0)
-"""Its centre; its sides are 2 m long."""
 _SPEED, _FORCE = 1.0, 0.5
 _BELOW, _BESIDE = 2.9, 5.4
 """y at which the controller passes under the obstacle, and the x from which it is beside it."""
@@ -26,7 +24,6 @@ class EitherOr(System):
     """
 
     state = ("x", "y", "v_x", "v_y")
-    beyond_state = ("where both targets and the goal are", "where the obstacle is, and a close-up of it")
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 4), (N, 2) -> (N, 4)."""
@@ -38,18 +35,6 @@ class EitherOr(System):
         """x, y: (..., 4) -> (..., 2)."""
         return state[..., :2]
 
-    def features(self, state: Array, t: Integers) -> Array:
-        """The state, and where the regions are: (N, 15).
-
-        The scaled state; the way to each target and to the goal as tanh over 1 m; the way to the obstacle's centre over
-        5 m and as tanh over 1 m; the margin to its edge as tanh over 0.5 m.
-        """
-        place = state[:, :2]
-        ways = np.tanh(_PLACES.ravel() - np.tile(place, 3))
-        off = np.array(_OBSTACLE) - place
-        margin = np.tanh((np.abs(off).max(axis=1, keepdims=True) - 1) / 0.5)
-        return np.concatenate([self.scaled_state(state), ways, off / 5, np.tanh(off), margin], axis=1)
-
     def scaled_state(self, state: Array) -> Array:
         """x and y from -1 to 1 over [0, 10] m, v_x and v_y in m/s, which stay in [-1, 1]: (N, 4) -> (N, 4)."""
         return np.concatenate([state[:, :2] / 5 - 1, state[:, 2:]], axis=1)
@@ -57,8 +42,8 @@ class EitherOr(System):
     def controller(self, state: Array, t: Integers) -> Array:
         """Below the obstacle to the second target, and at a fixed step on through the goal: (N, 2)."""
         x, y = state[:, 0], state[:, 1]
-        under = np.where((x < _BESIDE) & (y < 4), _BELOW, _PLACES[1, 1])
-        wanted = np.stack([np.full(len(state), _PLACES[1, 0]), np.where(t < _LEAVE, under, _AIM)], axis=1)
+        under = np.where((x < _BESIDE) & (y < 4), _BELOW, PLACES[1, 1])
+        wanted = np.stack([np.full(len(state), PLACES[1, 0]), np.where(t < _LEAVE, under, _AIM)], axis=1)
         return _approach(wanted - state[:, :2], state[:, 2:], self.dt)
 
 

@@ -11,10 +11,9 @@ _JOINTS = (
     *("base_x", "base_y", "base_z", "torso", "head_pan", "head_tilt", "shoulder_pan", "shoulder_lift"),
     *("upperarm_roll", "elbow", "forearm_roll", "wrist_flex", "wrist_roll", "right_finger", "left_finger"),
 )
-_SWITCH = 100
+SWITCH = 100
 """The last step of the first point's interval: the gripper goes to the second point after it."""
-_POINTS = np.array([[1.5, 0.43, 0.47], [1.5, 1.05, 0.47]])
-_MIDDLE = np.array([1.35, 0.75, 0.5])
+POINTS = np.array([[1.5, 0.43, 0.47], [1.5, 1.05, 0.47]])
 _RANGES = np.array([[0.9, 0.3, 0.2], [1.6, 1.2, 0.9]])
 """Least and greatest x, y and z of the gripper, as the task file has them."""
 _REACH = 0.05
@@ -35,7 +34,6 @@ class FetchReach(MujocoSystem):
     model_file = ("gymnasium_robotics", "envs/assets/fetch/reach.xml")
     state = columns(_JOINTS, "x", "y", "z", "v_x", "v_y", "v_z")
     coordinates = ("move_x", "move_y", "move_z", "moves")
-    beyond_state = ("which point counts", "a close-up of the way to it")
 
     def __init__(self, dt: float) -> None:
         super().__init__(dt)
@@ -84,17 +82,6 @@ class FetchReach(MujocoSystem):
         """x, y, z of the gripper: (..., 51) -> (..., 3)."""
         return state[..., 45:48]
 
-    def features(self, state: Array, t: Integers) -> Array:
-        """Where the gripper is, how it moves, and where the point that counts at t is: (N, 10).
-
-        Place from the middle of the table over 0.33 m, velocity over 1.25 m/s; the tanh of the way to the point over
-        0.1 m; -1 for the first point, 1 for the second.
-        """
-        place, velocity = state[:, 45:48], state[:, 48:]
-        second = (t >= _SWITCH).astype(np.int64)
-        way = np.tanh((_POINTS[second] - place) / 0.1)
-        return np.concatenate([(place - _MIDDLE) * 3, velocity * 0.8, way, second[:, None] * 2.0 - 1], axis=1)
-
     def scaled_state(self, state: Array) -> Array:
         """The gripper's place, from -1 to 1 over the signals' ranges, and its velocity over 1.25 m/s: (N, 6).
 
@@ -105,7 +92,7 @@ class FetchReach(MujocoSystem):
 
     def controller(self, state: Array, t: Integers) -> Array:
         """Proportional control, slow enough for actions held 5 steps: (N, 3)."""
-        way = _POINTS[(t >= _SWITCH).astype(np.int64)] - state[:, 45:48]
+        way = POINTS[(t >= SWITCH).astype(np.int64)] - state[:, 45:48]
         return np.clip(_GAIN * way, -1, 1)
 
     def _raised(self) -> Array:

@@ -12,7 +12,6 @@ class IntegratorOr(System):
     """Discrete-time integrator that stays near 5 or near 45, G[0,2000] of a disjunction. x' = x + dt v."""
 
     state = ("x",)
-    beyond_state = ("a close-up of each of the two points",)
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 1), (N, 1) -> (N, 1)."""
@@ -21,11 +20,6 @@ class IntegratorOr(System):
     def signals(self, state: Array) -> Array:
         """x: (..., 1) -> (..., 1)."""
         return state
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """Position from the middle between the goals over 20, and from each goal as tanh over 3: (N, 3)."""
-        x = state[:, 0]
-        return np.stack([(x - 25) / 20, np.tanh((x - 5) / 3), np.tanh((x - 45) / 3)], axis=1)
 
     def scaled_state(self, state: Array) -> Array:
         """Position from the middle between the goals over 25, so from -1 to 1 over [0, 50]: (N, 1) -> (N, 1)."""

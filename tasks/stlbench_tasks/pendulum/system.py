@@ -9,13 +9,10 @@ from stlbench_tasks.steering import nearest
 
 _GRAVITY, _MASS, _LENGTH, _FRICTION = 9.8, 0.15, 0.5, 0.05
 _INERTIA = _MASS * _LENGTH**2
-_TARGETS = np.array([0.0, 1.57, -1.57])
+TARGETS = np.array([0.0, 1.57, -1.57])
 """The angle that each of the formula's intervals asks for."""
-_BEGINS = np.array([0, 700, 1200])
+BEGINS = np.array([0, 700, 1200])
 """The step from which the pendulum heads for each target: the end of the interval before."""
-_WAITS = np.array([400, 300, 500])
-"""Steps from there to the target's own interval."""
-_WIDEST, _TOLERANCE, _NARROWEST = np.pi, 0.05, 0.03
 
 
 class Pendulum(System):
@@ -26,12 +23,6 @@ class Pendulum(System):
     """
 
     state = ("theta", "omega")
-    beyond_state = (
-        "which target counts",
-        "error from that target",
-        "close-ups of error and speed",
-        "logarithm of a width that falls to the tolerance in time, as a funnel's",
-    )
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 2), (N, 1) -> (N, 2)."""
@@ -41,20 +32,6 @@ class Pendulum(System):
     def signals(self, state: Array) -> Array:
         """theta, omega: (..., 2) -> (..., 2)."""
         return state
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """Error and speed at three scales, which target it is, and how far its deadline: (N, 8).
-
-        The error is theta less the present target, at most 9 in size; the target is -1, 0 or 1 for the first to the
-        third. The deadline is the logarithm of a width that falls from pi at the start of a phase through 0.05 where
-        the interval begins to 0.03, as the paper's funnels do, over 2 and shifted by 1.
-        """
-        phase = _phase(t)
-        error, omega = np.clip(state[:, 0] - _TARGETS[phase], -9, 9), state[:, 1]
-        rate = np.log((_WIDEST - _NARROWEST) / (_TOLERANCE - _NARROWEST)) / _WAITS[phase]
-        width = (_WIDEST - _NARROWEST) * np.exp(-rate * (t - _BEGINS[phase])) + _NARROWEST
-        scales = [column for e in (error, omega) for column in (e / 2, np.tanh(e / 0.3), np.tanh(e / 0.05))]
-        return np.stack([*scales, phase - 1.0, np.log(width) / 2 + 1], axis=1)
 
     def scaled_state(self, state: Array) -> Array:
         """theta over pi and omega over 6 rad/s: (N, 2) -> (N, 2).
@@ -66,14 +43,14 @@ class Pendulum(System):
 
     def controller(self, state: Array, t: Integers) -> Array:
         """The torque whose next omega is nearest to -3 times the error, at most 6 rad/s: (N, 1)."""
-        speed = np.clip(-3 * (state[:, 0] - _TARGETS[_phase(t)]), -6, 6)
+        speed = np.clip(-3 * (state[:, 0] - TARGETS[phase_at(t)]), -6, 6)
         torque = _INERTIA * ((speed - state[:, 1]) / self.dt - _drift(state))
         return nearest(torque, 3.0, 0.1)[:, None]
 
 
-def _phase(t: Integers) -> Integers:
+def phase_at(t: Integers) -> Integers:
     """Which target counts from step t on: 0, 1, 2."""
-    return np.searchsorted(_BEGINS, t, side="right") - 1
+    return np.searchsorted(BEGINS, t, side="right") - 1
 
 
 def _drift(state: Array) -> Array:

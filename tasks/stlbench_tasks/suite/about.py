@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from stlbench.contract import Array, Integers, System
+from stlbench.contract import Array, System
 
 Place = tuple[float, float]
 ROOM = (0.0, 6.0, "m")
@@ -54,10 +54,6 @@ class SuiteSystem(System):
     def signals(self, state: Array) -> Array:
         """The columns of the state that have the names of signals: (..., n) -> (..., k)."""
         return state[..., [self.state.index(name) for name in self.about.ranges]]
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """The state alone; on the track `auto` the formula's view stands beside it."""
-        return self.scaled_state(state)
 
     @classmethod
     def begin(cls, places: tuple[Place, ...]) -> dict[str, tuple[float, float]]:

@@ -1,0 +1,10 @@
+"""What a person made for policies to see of patrol."""
+
+from __future__ import annotations
+
+from stlbench_tasks.noisy_unicycle_by_hand import NoisyUnicycleByHand
+from stlbench_tasks.patrol.system import Patrol
+
+
+class PatrolByHand(NoisyUnicycleByHand, Patrol):
+    pass

@@ -1,0 +1,28 @@
+"""What a person made for policies to see of robot-nav."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+from stlbench_tasks.robot_nav.system import SWITCH, RobotNav
+
+
+class RobotNavByHand(RobotNav):
+    beyond_state = ("which goal counts", "distance and bearing of that goal", "a close-up of the last metres")
+
+    def features(self, state: Array, t: Integers) -> Array:
+        """Distance and bearing of the goal that counts at t, and which one it is: (N, 6).
+
+        Distance over 20 m and, to resolve the last metres, its tanh over 2 m; the bearing's cosine and sine, which
+        fade out at the goal, where the bearing has no meaning, and the cosine a second time without fading.
+        """
+        second = t >= SWITCH
+        goal = np.where(second, 30.0, 25.0)
+        dx, dy = goal - state[:, 0], goal - state[:, 1]
+        distance = np.hypot(dx, dy)
+        bearing = np.arctan2(dy, dx) - state[:, 2]
+        near = np.tanh(distance)
+        cosine, sine = np.cos(bearing), np.sin(bearing)
+        columns = [distance / 20 - 1, np.tanh(distance / 2), cosine * near, sine * near, cosine, second * 2.0 - 1]
+        return np.stack(columns, axis=1)
