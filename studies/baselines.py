@@ -19,7 +19,7 @@ from stlbench.rollout import baselines
 from stlbench.task import load_task
 
 FOLDER = Path(__file__).resolve().parent.parent / "tasks" / "stlbench_tasks"
-_BLOCK, _BEFORE = re.compile(r"^baselines:\n(?:  .*\n)+", re.MULTILINE), re.compile(r"^agents:", re.MULTILINE)
+_BLOCK, _BEFORE = re.compile(r"^baselines:\n(?:  .*\n)+", re.MULTILINE), re.compile(r"^budgets:", re.MULTILINE)
 
 
 def block(name: str) -> str:
@@ -41,7 +41,7 @@ def _numbers(score: Score) -> str:
 
 
 def write(name: str) -> None:
-    """Put the block into the task file: in the place of the one that is there, else before the recipes."""
+    """Put the block into the task file: in the place of the one that is there, else before the budgets."""
     path = FOLDER / name.replace("-", "_") / "task.yaml"
     lines = block(name)
     text = path.read_text(encoding="utf-8")
@@ -49,7 +49,7 @@ def write(name: str) -> None:
     if _BLOCK.search(text):
         path.write_text(_BLOCK.sub(lambda _: lines, text), encoding="utf-8")
     else:
-        path.write_text(_BEFORE.sub(lambda _: f"{lines}agents:", text, count=1), encoding="utf-8")
+        path.write_text(_BEFORE.sub(lambda _: f"{lines}budgets:", text, count=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

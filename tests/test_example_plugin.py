@@ -48,8 +48,9 @@ def fresh(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
 
 def test_the_wheel_holds_the_task_files_and_no_tests(wheels: dict[str, Path]) -> None:
     names = zipfile.ZipFile(wheels["stlbench_rl"]).namelist()
-    tasks = sorted(path.parent.name for path in (ROOT / "tasks" / "stlbench_tasks").glob("*/task.yaml"))
-    assert sorted(name.split("/")[1] for name in names if name.endswith("/task.yaml")) == tasks
+    for file in ("task.yaml", "by_hand.yaml"):
+        tasks = sorted(path.parent.name for path in (ROOT / "tasks" / "stlbench_tasks").glob(f"*/{file}"))
+        assert sorted(name.split("/")[1] for name in names if name.endswith(f"/{file}")) == tasks
     templates = [path.name for path in (ROOT / "stlbench/cli/templates").iterdir()]
     assert sorted(name.split("/")[-1] for name in names if "/cli/templates/" in name) == sorted(templates)
     assert [name for name in names if "test_" in name or "conftest" in name] == []

@@ -162,13 +162,14 @@ def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people_or_writ
     assert fingerprint("zz_pack.one") != before
 
 
-def test_what_a_task_file_says_is_watched_but_has_its_own_part_in_keys(site):
-    root = site("acme", "", FILES | {"zz_pack/task.yaml": "title: a\nsteps: 3\n"})
+@pytest.mark.parametrize("file", ["task.yaml", "by_hand.yaml"])
+def test_what_a_task_file_says_is_watched_but_has_its_own_part_in_keys(site, file):
+    root = site("acme", "", FILES | {f"zz_pack/{file}": "title: a\nsteps: 3\n"})
     code = code_of("zz_pack.one")
-    (root / "zz_pack/task.yaml").write_text("title: b\nsteps: 3  # still\nnotes: more\n")
+    (root / "zz_pack" / file).write_text("title: b\nsteps: 3  # still\nnotes: more\n")
     assert code.changed is None
-    (root / "zz_pack/task.yaml").write_text("title: b\nsteps: 4\n")
-    assert code.changed == str(root / "zz_pack/task.yaml")
+    (root / "zz_pack" / file).write_text("title: b\nsteps: 4\n")
+    assert code.changed == str(root / "zz_pack" / file)
     assert code_of("zz_pack.one").digest == code.digest
 
 

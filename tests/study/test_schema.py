@@ -17,7 +17,15 @@ jsonschema = pytest.importorskip("jsonschema")
 ROOT = Path(__file__).parents[2]
 TASKS = sorted([*ROOT.glob("tasks/*/*/task.yaml"), *ROOT.glob("examples/*/task.yaml")])
 STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
-TASK: dict[str, Any] = yaml.safe_load((ROOT / "tasks/stlbench_tasks/overlap/task.yaml").read_text(encoding="utf-8"))
+
+
+def content(path: Path) -> dict[str, Any]:
+    """Of a file, and of the `by_hand.yaml` beside a task file."""
+    files = [file for file in (path, path.with_name("by_hand.yaml")) if file.is_file()]
+    return {key: value for file in files for key, value in yaml.safe_load(file.read_text(encoding="utf-8")).items()}
+
+
+TASK = content(ROOT / "tasks/stlbench_tasks/overlap/task.yaml")
 
 
 SCHEMAS = {kind: json_schema(kind) for kind in ("task", "study")}
@@ -27,7 +35,7 @@ SCHEMAS = {kind: json_schema(kind) for kind in ("task", "study")}
 def test_every_file_of_the_repository_is_right(kind: str, paths: list[Path]) -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMAS[kind])
     for path in paths:
-        jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), SCHEMAS[kind])
+        jsonschema.validate(content(path), SCHEMAS[kind])
 
 
 @pytest.mark.parametrize("path", [*(ROOT / "examples").glob("*/task.yaml"), *STUDIES], ids=lambda path: path.name)
@@ -40,7 +48,7 @@ def test_editors_find_the_schema_of_examples_and_studies(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "content"),
+    ("kind", "wrong"),
     [
         ("task", TASK | {"formulas": "x >= 1"}),
         ("task", TASK | {"steps": "many"}),
@@ -52,9 +60,9 @@ def test_editors_find_the_schema_of_examples_and_studies(path: Path) -> None:
         ("study", {"seeds": [-1]}),
     ],
 )
-def test_what_is_wrong_is_refused(kind: Any, content: Any) -> None:
+def test_what_is_wrong_is_refused(kind: Any, wrong: Any) -> None:
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(content, SCHEMAS[kind])
+        jsonschema.validate(wrong, SCHEMAS[kind])
 
 
 def test_the_command_prints_it_with_descriptions_and_a_study_may_be_empty() -> None:

@@ -11,7 +11,7 @@ from helpers.line_task import text
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.task.entry import Region
-from stlbench.task.reading import read_task_file
+from stlbench.task.reading import read, read_task_file
 from stlbench.task.yaml_text import load_yaml
 
 
@@ -211,6 +211,37 @@ class TestMessages:
     def test_yaml_is_read_safely(self) -> None:
         with pytest.raises(UsageError, match=r"task\.yaml is no YAML"):
             read_task_file("title: !!python/object/apply:os.getcwd []", "line")
+
+
+class TestByHand:
+    """The file beside a task file, which has what somebody made so that a robot learns."""
+
+    def test_its_keys_count_as_those_of_the_task_file(self) -> None:
+        recipes = "agents: {dqn: &one {gamma: 0.9}, sb3-dqn: *one}\nrewarded: G[0,4] (2 * x <= 2)\n"
+        both, file = read(text(agents=None), "line", recipes), read(text(agents=None) + recipes, "line").file
+        assert (both.file, both.errors) == (file, ())
+        assert file is not None
+        assert list(file.agents) == ["dqn", "sb3-dqn"]
+        assert read(text(), "line", "training: {cuts: [8]}").errors == (
+            "training.cuts: 8 is no multiple of hold = 1 below steps = 8",
+        )
+
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            ("agents: [", "by_hand.yaml is no YAML: "),
+            ("training: *anchor", "by_hand.yaml is no YAML: "),
+            ("", "by_hand.yaml: expected a mapping, {key: value}$"),
+            (
+                "steps: 4",
+                "by_hand.yaml: steps: the keys of this file are rewarded, nested, features, training, agents$",
+            ),
+            ("agents: {dqn: {}}", "by_hand.yaml: agents: task.yaml has it too; leave it in one of the two files$"),
+        ],
+    )
+    def test_what_is_wrong_with_it_is_one_line(self, content: str, said: str) -> None:
+        with pytest.raises(UsageError, match=f"^task line: {said}"):
+            read(text(title="&anchor A line"), "line", content)
 
 
 class TestMessagesAboutTraining:

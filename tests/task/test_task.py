@@ -12,6 +12,7 @@ from helpers.line_task import line, text
 from stlbench import stl
 from stlbench.contract import ActionBox
 from stlbench.errors import UsageError
+from stlbench.registry import plugins
 from stlbench.task import build_agent, load_task
 from stlbench.task.file import OPTIONAL, TaskFile
 from stlbench.task.reading import read_task_file
@@ -122,9 +123,9 @@ class TestTask:
         "    def features(self, state, t): return state\n"
     )
 
-    def install(self, site: Callable[..., Path], **changes: Any) -> None:
+    def install(self, site: Callable[..., Path], by_hand: str | None = None, **changes: Any) -> Path:
         files = {"zz_task/__init__.py": "", "zz_task/system.py": self.SYSTEM, "zz_task/task.yaml": text(**changes)}
-        site("zz-distribution", self.ENTRIES, files)
+        return site("zz-distribution", self.ENTRIES, files | ({"zz_task/by_hand.yaml": by_hand} if by_hand else {}))
 
     def test_parameters_arrive_at_the_system(self, site: Callable[..., Path]) -> None:
         self.install(site, parameters={"mass": 2.5}, initial={"box": {"x": 0, "y": 0}})
@@ -142,6 +143,22 @@ class TestTask:
             "  parameters: no parameter 'weight'; there are: mass; mass should be a number, got 'heavy'",
             "  initial: the box must name x, y, in this order",
         ]
+
+    def test_what_is_made_by_hand_may_be_in_a_file_of_its_own(
+        self, site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(plugins._ADDED, "tasks", {})
+        root = self.install(site, "agents: {sb3-dqn: {}, dqn: {}}\n", agents=None, initial={"box": {"x": 0, "y": 0}})
+        assert load_task("zz-line").own_agent == "sb3-dqn"
+        assert load_task(f"{(root / 'zz_task').rename(root / 'zz-folder')}").own_agent == "sb3-dqn"
+        (root / "zz-folder/by_hand.yaml").write_text("training: {cuts: [8], cut: 8}\n")
+        with pytest.raises(
+            UsageError, match=r"^task zz-folder: task.yaml with by_hand.yaml has errors:\n  training.cut:"
+        ):
+            load_task("zz-folder")
+        (root / "zz-folder/by_hand.yaml").write_bytes(b"\xff")
+        with pytest.raises(UsageError, match=r"^task zz-folder: by_hand.yaml cannot be read: "):
+            load_task("zz-folder")
 
     def test_a_system_that_refuses_its_parameters_says_why(self, site: Callable[..., Path]) -> None:
         refuse = "        if mass < 0: raise ValueError('mass must be positive')\n"
