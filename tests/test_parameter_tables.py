@@ -53,7 +53,7 @@ def test_the_page_of_tasks_has_what_each_task_file_says() -> None:
     for name in plugins.available("tasks"):
         assert f"**`{name}`**: " in text or not (DOCS.parent / "tasks/stlbench_tasks" / name.replace("-", "_")).exists()
     assert "**`annulus`**: Stay in a ring, `G[" in text
-    assert "No robustness is above 1.5." in text
+    assert "No robustness is above 1.5.\n\nBy hand:\n\n- `nested`: The same formula with an inner window" in text
 
 
 def test_a_row_by_hand(hook: ModuleType) -> None:

@@ -1,6 +1,7 @@
-"""A hook of mkdocs: what a task file says for people.
+"""A hook of mkdocs: what the files of a task say for people.
 
-`<!-- task: overlap -->` in a page becomes the title, the formula, the source and the notes of that task.
+`<!-- task: overlap -->` in a page becomes the title, the formula, the source and the notes of that task, and
+the comments on what was made for it by hand.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import yaml
 
 _PLACE = re.compile(r"^<!-- task: ([\w-]+) -->$", re.MULTILINE)
+_COMMENT = re.compile(r"((?:^#.*\n)+)(\w+):", re.MULTILINE)
 _TASKS = Path(__file__).parents[2] / "tasks/stlbench_tasks"
 
 
@@ -22,11 +24,16 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def section(name: str) -> str:
-    """What the file of a task says, in Markdown. Raises `FileNotFoundError` if there is no such task."""
-    text = (_TASKS / name.replace("-", "_") / "task.yaml").read_text(encoding="utf-8")
+    """What the files of a task say, in Markdown. Raises `FileNotFoundError` if there is no such task."""
+    place = _TASKS / name.replace("-", "_")
+    text, by_hand = ((place / file).read_text(encoding="utf-8") for file in ("task.yaml", "by_hand.yaml"))
     file = {key: " ".join(str(value).split()) for key, value in yaml.safe_load(text).items()}
     source, notes = (html.escape(file[key], quote=False).rstrip(".") for key in ("source", "notes"))
     held = f", each action held for {file['hold']}" if "hold" in file else ""
     unit = "intervals in seconds, " if file.get("time") == "seconds" else ""
     steps = f"{unit}in steps of {file['sampling_time']} s{held}"
-    return f"**`{name}`**: {file['title']}, `{file['formula']}`, {steps}. Source: {source}.\n\n{notes}."
+    comments = {key: " ".join(lines.replace("#", "").split()) for lines, key in _COMMENT.findall(by_hand)}
+    made = "".join(f"\n- `{key}`: {html.escape(comment, quote=False)}" for key, comment in comments.items())
+    return f"**`{name}`**: {file['title']}, `{file['formula']}`, {steps}. Source: {source}.\n\n{notes}." + (
+        f"\n\nBy hand:\n{made}" if made else ""
+    )
