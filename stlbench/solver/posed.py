@@ -43,8 +43,6 @@ class Posed:
     """A problem whose task file is written."""
 
     folder: Path
-    notes: tuple[str, ...]
-    """What the user should know of it, in a line each."""
     episode_seconds: float
     """Of simulating an episode that does not end early, without training."""
 
@@ -59,6 +57,11 @@ class Posed:
         state: dict[str, Any] = json.loads((self.folder / _ASKED).read_text(encoding="utf-8"))
         return state
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of it, in a line each."""
+        return tuple(self.state["notes"])
+
     def remember(self, **facts: Any) -> None:
         """Write facts into `solve.json`."""
         write(self.folder / _ASKED, json.dumps(self.state | facts, indent=1))
@@ -66,6 +69,20 @@ class Posed:
     def budget(self, name: str, **numbers: float | None) -> None:
         """Write a budget into the task file."""
         self._change_budgets(lambda budgets: budgets | {name: numbers})
+
+    def search(self, seconds: float) -> str | None:
+        """Search for a witness, and keep it; what to say of it, once."""
+        if self.state.get("searched"):
+            return None
+        task, given = self.task, min(_SEARCHED, _SEARCH * seconds)
+        is_quick = witness.COPIES * self.episode_seconds <= _MOST_SEARCHED * given
+        nearest = witness.search(task, given) if is_quick else None
+        if nearest is not None and nearest.satisfies:
+            facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
+            write(self.folder / WITNESS, json.dumps(facts))
+        note = tries.of_search(nearest)
+        self.remember(searched=True, notes=[*self.state["notes"], note])
+        return note
 
     def begin(self, minutes: float) -> None:
         """Forget methods and budgets that were chosen for another time."""
@@ -91,7 +108,7 @@ def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
         if not is_of(problem, folder):
             raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
         folders.know(home, instead=True)
-        return Posed(folder, tuple(state["notes"]), state["episode_seconds"])
+        return Posed(folder, state["episode_seconds"])
     if home.exists():
         raise UsageError(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
@@ -103,7 +120,7 @@ def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
         raise
     state = {"problem": asdict(problem), "notes": notes, "episode_seconds": seconds}
     write(asked, json.dumps(state, indent=1))
-    return Posed(folder, tuple(notes), seconds)
+    return Posed(folder, seconds)
 
 
 def is_of(problem: Problem, folder: Path) -> bool:
@@ -137,12 +154,7 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
         "random": _numbers(random),
     }
     _write(home / _FILE, content)
-    given = min(_SEARCHED, _SEARCH * seconds)
-    nearest = witness.search(task, given) if witness.COPIES * episode <= _MOST_SEARCHED * given else None
-    if nearest is not None and nearest.satisfies:
-        facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
-        write(home.parent / WITNESS, json.dumps(facts))
-    return list(tries.notes(load_task(TASK), found, random, nearest)), episode
+    return list(tries.notes(load_task(TASK), found, random)), episode
 
 
 def _probe(steps: int) -> dict[str, Any]:

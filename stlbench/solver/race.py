@@ -27,6 +27,8 @@ _RACE, _DELIVERY = 0.4, 0.2
 """Shares of the time: for the race; for certificate, counterexamples and files. The final training has what is left."""
 _PROBE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
+_OF_PROBE = 10
+"""Its checkpoints. Each is scored from all starts for selection, which takes as long as training on a slow environment."""
 _EPISODES, _LEAST = 20, 3000
 """A training of fewer episodes, or of fewer steps, teaches nothing."""
 _SCORING, _CHECKPOINTS = 0.2, (4, 20)
@@ -123,10 +125,12 @@ class Trainer:
         racing = list(contestants(self.posed.task, self.clock.minutes))
         # no probe may last: a slow environment would use up all time before anything is known of its speed
         steps, seconds = self.posed.task.budget("probe").steps, _PROBE * 60 * self.clock.minutes
-        self._write("probe", steps, seconds, checkpoints=20, patience=_PATIENCE)
+        self._write("probe", steps, seconds, checkpoints=_OF_PROBE, patience=_PATIENCE)
         (best,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
         if best.measurement is None:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
+        if rank(best)[0] == 0 and (found := self.posed.search(60 * self.clock.minutes)):
+            self.say(found)
         known = self.posed.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if known is None else len(known)]
         rung = 1

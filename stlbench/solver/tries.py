@@ -55,7 +55,8 @@ def _is_flag(task: Task, name: str) -> bool:
     return text in task.source.expressions.from_info and task.file.box[name] == (0, 1)
 
 
-def _of_search(nearest: witness.Nearest | None) -> str:
+def of_search(nearest: witness.Nearest | None) -> str:
+    """What a search for a witness found; None where there was none."""
     if nearest is None:
         return "no witness was searched: an episode takes too long for the minutes"
     tried = f"{nearest.episodes} episodes of held actions from one start"
@@ -64,7 +65,7 @@ def _of_search(nearest: witness.Nearest | None) -> str:
     return f"no witness was found: {tried} reach at most {nearest.robustness:.3g}; others may satisfy"
 
 
-def notes(task: Task, found: baselines.Constants, random: Score, nearest: witness.Nearest | None) -> Iterator[str]:
+def notes(task: Task, found: baselines.Constants, random: Score) -> Iterator[str]:
     for window in windows(task.formula):
         if stl.bounds(window.psi, task.file.box, nodes=2000).high < 0:
             yield f"impossible: '{window.psi}' holds nowhere within the ranges of the signals"
@@ -73,7 +74,6 @@ def notes(task: Task, found: baselines.Constants, random: Score, nearest: witnes
     for name, score in tried.items():
         if score.satisfaction >= LEARNED:
             yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
-    yield _of_search(nearest)
     if random.ended_early:
         meaning = {
             "hold": "the last sample then stays to the end of the episode",

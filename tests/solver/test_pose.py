@@ -39,10 +39,12 @@ def test_the_task_file_of_an_environment() -> None:
     assert content["terminated"] == "hold"
     assert content["signals"]["theta"] == {"low": -3.142, "high": 3.142, "expression": "atan2(y, x)"}
     assert content["signals"]["omega"] == {"low": -8.0, "high": 8.0}
+    assert posed.notes == ()
+    note = posed.search(600)
+    assert re.match("no witness was found: [0-9]+ episodes of held actions", str(note))
+    assert (posed.notes, posed.search(600)) == ((note,), None)
     long = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
     assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
-    assert len(posed.notes) == 1
-    assert re.match("no witness was found: [0-9]+ episodes of held actions", posed.notes[0])
 
 
 @pytest.mark.usefixtures("made")
@@ -65,7 +67,7 @@ def test_words_in_an_observation_are_left_out() -> None:
 @pytest.mark.usefixtures("made")
 def test_a_witness_is_kept_and_satisfies() -> None:
     posed = pose(Problem(POINT, "F[0,29] abs(place0) <= 0.1"), Path("out"))
-    assert "a witness exists" in " ".join(posed.notes)
+    assert "a witness exists" in str(posed.search(600))
     found = json.loads(Path("out/witness.json").read_text())
     env = gymnasium.make(POINT)
     place = env.reset(seed=int(found["start"][0]))[0]["place"][0]
@@ -82,4 +84,4 @@ def test_what_is_trivial_or_impossible_is_told() -> None:
     assert trivial.notes[0].partition(" %")[0] == "trivial: by the action zero 100"
     impossible = pose(Problem("Pendulum-v1", "F[0,5] omega >= 9"), Path("other"))
     assert impossible.notes[0] == "impossible: 'omega >= 9' holds nowhere within the ranges of the signals"
-    assert "no witness was found" in impossible.notes[1]
+    assert "no witness was found" in str(impossible.search(60))
