@@ -12,6 +12,7 @@ import typer
 
 from stlbench import stl
 from stlbench.cli.common import warn
+from stlbench.cli.evidence import drawn_evidence, evidence_text
 from stlbench.cli.options import completed
 from stlbench.cli.output import Json, show, table
 from stlbench.contract import RewardMethod, Specification
@@ -56,8 +57,9 @@ def advise(
     """Which reward methods fit a formula, and why the others do not.
 
     A formula without a task has no ranges: each signal is taken to lie within ten times the formula's largest constant.
-    With --results, what the methods reached there: with the task's own agent, on the track shared, the best first.
-    Methods with parameters that were run there are asked about too.
+    If enough drawn formulas of the same form were trained on, they say which method to try first. With --results, what
+    the methods reached there: with the task's own agent, on the track shared, the best first. Methods with parameters
+    that were run there are asked about too.
 
     \b
     Examples:
@@ -74,6 +76,8 @@ def advise(
     for choice in chosen or ():
         plugins.check("methods", choice)
     facts = _facts(task, known, None if chosen is None else list(map(str, chosen)))
+    if isinstance(task, Specification):
+        facts["evidence"] = drawn_evidence(task.formula, [row["method"] for row in facts["fit"]])
     show(as_json, facts, _text(facts, bool(known)))
 
 
@@ -179,6 +183,8 @@ def _text(facts: Mapping[str, Any], known: bool) -> Iterator[str | Table]:
         Column("outside its source's form", right=False): lambda row: row["extension"],
     }
     yield Table.of("Methods that fit", facts["fit"], columns, _NOTES)
+    if (drawn := facts.get("evidence")) is not None:
+        yield evidence_text(drawn)
     if facts["do_not_fit"]:
         yield table("Methods that do not", facts["do_not_fit"], _ASK)
 

@@ -80,7 +80,7 @@ from stlbench.contract.executor import Executor, Outcome, Work
 from stlbench.contract.log import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.contract.method import RewardMethod
 from stlbench.contract.specification import Intractable, Specification, Unsuitable
-from stlbench.contract.suite import Suite, SuiteTask
+from stlbench.contract.suite import Suite, SuiteScores, SuiteTask
 from stlbench.contract.system import GymTask, System, World, WorldTask
 from stlbench.errors import cause, foreign
 
@@ -110,6 +110,7 @@ __all__ = [
     "Specification",
     "StatePolicy",
     "Suite",
+    "SuiteScores",
     "SuiteTask",
     "System",
     "Training",

@@ -18,6 +18,15 @@ class SuiteTask(NamedTuple):
     """The text of its `task.yaml`."""
 
 
+class SuiteScores(NamedTuple):
+    """What methods reached on one task of a suite."""
+
+    formula: str
+    """With intervals in steps."""
+    scores: Mapping[str, Sequence[float]]
+    """Method -> for each seed the robustness, 0 at random and 1 the best known; only of methods that fit."""
+
+
 class Suite(ABC):
     """Tasks that are made from their names, such as `unicycle/sequence/7`.
 
@@ -56,3 +65,7 @@ class Suite(ABC):
         Indices of the grid of actions, (starts, decisions).
         """
         return None
+
+    def scores(self) -> Sequence[SuiteScores]:
+        """What methods reached on its tasks. By it `stlbench advise` judges which method suits a formula."""
+        return ()

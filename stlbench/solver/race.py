@@ -28,7 +28,7 @@ _RACE, _DELIVERY = 0.4, 0.2
 _PROBE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
 _OF_PROBE = 10
-"""Its checkpoints. Each is scored from all starts for selection, which takes as long as training on a slow environment."""
+"""Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
 _EPISODES, _LEAST = 20, 3000
 """A training of fewer episodes, or of fewer steps, teaches nothing."""
 _SCORING, _CHECKPOINTS = 0.2, (4, 20)

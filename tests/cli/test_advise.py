@@ -7,6 +7,9 @@ import json
 import pytest
 from cli.conftest import TOY
 
+from stlbench.contract import SuiteScores
+from stlbench_tasks.suite import FormulaSuite
+
 
 def advice(say, *words):
     done = say("advise", *words, "--json")
@@ -36,6 +39,21 @@ def test_a_formula_without_a_task(say):
     assert (found["task"], found["formula"]) == (None, "G[0,50] F[0,10] x >= 1")
     assert "flag" in [row["method"] for row in found["fit"]]
     assert {row["method"]: row["status"] for row in found["do_not_fit"]}["funnel"] == "unsuitable"
+
+
+def test_drawn_formulas_of_the_same_form(say, monkeypatch):
+    """They say what to try first, or that they are too few."""
+    text = "F[0,50] G[0,9] norm(x, y) <= 1"
+    monkeypatch.setattr(FormulaSuite, "scores", lambda self: [SuiteScores("F[0,5] G[0,2] x >= 1", {"raw": [0.5]})])
+    few = advice(say, text)["evidence"]
+    assert (few["form"], few["formulas"], few["methods"]) == (["stay"], 1, [])
+    assert "is not known: there are trainings on 1 drawn formulas" in say("advise", text).stdout
+    scores = {"raw": [0.5], "funnel": [0.9], "hprs": [0.89]}
+    monkeypatch.setattr(FormulaSuite, "scores", lambda self: [SuiteScores("F[0,5] G[0,2] x >= 1", scores)] * 9)
+    assert [row["method"] for row in advice(say, text)["evidence"]["methods"]] == ["funnel", "hprs", "raw"]
+    assert "Try funnel first." in say("advise", text).stdout
+    assert advice(say, text, "--methods", "raw,hprs")["evidence"]["methods"][0]["method"] == "hprs"
+    assert "evidence" not in advice(say, "reach-stay"), "a task has results of its own"
 
 
 def test_results_put_the_best_first(say, toy, tmp_path):

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Integers, Suite, SuiteTask
+from stlbench.contract import Integers, Suite, SuiteScores, SuiteTask
 from stlbench_tasks.suite.about import About
 from stlbench_tasks.suite.scene import DT, Draw, Level, Scene
 from stlbench_tasks.suite.systems import SYSTEMS
@@ -101,8 +101,12 @@ def _budgets(about: About) -> dict[str, dict[str, int]]:
 @cache
 def table() -> Mapping[str, Any]:
     """What `studies/suite.py` accepted: system/template -> a row per task, with the facts that it measured."""
-    path = resources.files(__package__).joinpath("accepted.json")
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else {"accepted": {}, "refused": {}}
+    return _stored("accepted.json", {"accepted": {}, "refused": {}})
+
+
+def _stored(name: str, otherwise: Mapping[str, Any]) -> Mapping[str, Any]:
+    path = resources.files(__package__).joinpath(name)
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else otherwise
 
 
 def level(n: int) -> Level:
@@ -156,6 +160,10 @@ class FormulaSuite(Suite):
         """The best actions that were found from each of the report's starts."""
         with resources.files(__package__).joinpath("witnesses.npz").open("rb") as file, np.load(file) as stored:
             return stored[name].astype(np.int64) if name in stored else None
+
+    def scores(self) -> Sequence[SuiteScores]:
+        """What `studies/suite_answers.py` took from the committed studies."""
+        return [SuiteScores(**each) for each in _stored("scores.json", {}).values()]
 
 
 def _split(name: str) -> str:
