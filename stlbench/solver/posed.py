@@ -34,7 +34,7 @@ _MOST_SEARCHED = 3.0
 """No witness is searched where one generation would take so many times the seconds of a search."""
 _EPISODES = 100
 """Of the training that measures the speed, at most."""
-_AT_MOST, _CONSTANTS = 16, 50
+_AT_MOST, _CONSTANTS = 4, 50
 """Starts from which constant actions are compared at most, and about how many are."""
 
 
