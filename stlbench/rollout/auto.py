@@ -67,7 +67,7 @@ _MOST = 0.98
 PATIENCE = 3
 """Checkpoints without a better one after which a training may end at one that satisfies, where its budget does not
 say."""
-EPISODES = 600
+EPISODES = 900
 """Of the budget `quick`, at least."""
 EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
@@ -131,7 +131,7 @@ def _helped(task: Task, agent: str) -> TaskFile:
 
 
 def _budget(name: str, budget: Budget, steps: int) -> Budget:
-    """With patience; `quick` has 600 episodes of so many steps at least."""
+    """With patience; `quick` has 900 episodes of so many steps at least."""
     times = max(1.0, EPISODES * steps / budget.steps) if name == "quick" else 1.0
     longer = {"steps": round(times * budget.steps), "checkpoints": ceil(times * budget.checkpoints)}
     return budget.model_copy(update={**longer, "patience": budget.patience or PATIENCE})
