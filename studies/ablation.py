@@ -1,4 +1,4 @@
-"""What each part of each recipe is worth, from results/ablation and results/reference.
+"""What each part of each recipe is worth, from results/ablation and results/reference; and on the track auto.
 
 python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the table
 """
@@ -34,6 +34,8 @@ PARTS = {
     "hold": "held actions",
 }
 """Of a recipe: what `task[without=PART]` leaves out, in words."""
+DERIVED = ("features", "rewarded", "cuts", "ends", "near", "exploring")
+"""What it leaves out on the track auto."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +52,15 @@ class Ablation:
 
 
 @cache
-def ablations() -> tuple[Ablation, ...]:
+def ablations(track: str = "shared") -> tuple[Ablation, ...]:
     """Those that were run, in the order of the parts; verdicts after Holm's correction for all of them."""
-    whole, hand = recorded("reference"), by_hand()
+    parts, folder, of = (DERIVED, "auto-ablation", "auto") if track == "auto" else (PARTS, "ablation", "reference")
+    whole, hand = recorded(of, track), by_hand()
     found = []
-    for (name, method, agent), seeds in recorded("ablation").items():
+    for (name, method, agent), seeds in recorded(folder, track).items():
         task, _, part = name.removesuffix("]").partition("[without=")
         found.append((task, method, part, seeds, whole[task, method, agent]))
-    found.sort(key=lambda each: (list(PARTS).index(each[2]), each[0], METHODS.index(each[1])))
+    found.sort(key=lambda each: (list(parts).index(each[2]), each[0], METHODS.index(each[1])))
     pairs = [
         Pair(one.robustness, other.robustness, MATTERS * abs(hand[task]), learned=(one.passed, other.passed))
         for task, _, _, one, other in found
@@ -70,19 +73,19 @@ SHOWN = ("funnel", "raw")
 SIGNS = {"worse": " worse", "better": " better"}
 
 
-def lines() -> list[list[str]]:
-    """Lines of the table: task, method, the whole recipe, then the recipe without each part.
+def lines(track: str = "shared") -> list[list[str]]:
+    """Lines of the table: task, method, the whole recipe, then the recipe without each part; no method on `auto`.
 
     An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides.
     """
-    found = {(each.task, each.method): each.whole for each in ablations() if each.method in SHOWN}
-    without = {(each.task, each.method, each.part): each for each in ablations()}
+    found = {(each.task, each.method): each.whole for each in ablations(track) if each.method in SHOWN}
+    without = {(each.task, each.method, each.part): each for each in ablations(track)}
     return [
         [
             f"`{task}`",
-            f"`{method}`",
+            *([] if track == "auto" else [f"`{method}`"]),
             _short(whole),
-            *(_entry(without.get((task, method, part))) for part in PARTS),
+            *(_entry(without.get((task, method, part))) for part in (DERIVED if track == "auto" else PARTS)),
         ]
         for (task, method), whole in sorted(found.items())
     ]

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
+import ablation
 import recorded
 from page_reference import entry, learned_by, of_setting, rows
 from recorded import Row, markdown, number
@@ -32,6 +33,33 @@ def auto_field() -> str:
         (task, method): row for (task, agent, method), row in field_rows().items() if not agent.startswith("sb3")
     }
     return _beside("auto-field", by_hand, recorded.table("field", "cells"), ("funnel", "raw", "flag"))
+
+
+def auto_parts() -> str:
+    """One row per task: what `raw` learns by all rules, and without each part that they derive."""
+    return markdown(["task", "all rules", *(f"`{part}`" for part in ablation.DERIVED)], ablation.lines("auto"))
+
+
+def auto_verdicts() -> str:
+    """One row per task: how pairs of methods compare by hand and by rules."""
+    hand, rules = (_verdicts(folder, track) for folder, track in (("reference", "shared"), ("auto", "auto")))
+    body = [
+        [f"`{task}`", *(f"{hand[task, *pair]}; {rules.get((task, *pair), '')}" for pair in _PAIRS)]
+        for task in dict.fromkeys(task for task, *_ in hand)
+    ]
+    return markdown(["task", *(f"`{one}` against `{other}`" for one, other in _PAIRS)], body)
+
+
+_PAIRS = (("funnel", "raw"), ("flag", "raw"), ("flag", "funnel"))
+
+
+def _verdicts(folder: str, track: str) -> dict[tuple[str, str, str], str]:
+    """In words how a method compares with another on a task, without the seeds that would tell."""
+    return {
+        (row["task"], row["method"], row["other"]): row["verdict"].partition(",")[0]
+        for row in recorded.table(folder, "comparisons")
+        if row["track"] == track and "[" not in row["task"] + row["agent"]
+    }
 
 
 def _beside(

@@ -38,7 +38,12 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-planned": lambda: markdown(*survey.planned()),
     },
     "docs/howto/solve.md": {"solve-foreign": solve_foreign.page, "solve-race": race.page},
-    "docs/explanation/auto.md": {"auto": page_tasks.auto, "auto-field": page_tasks.auto_field},
+    "docs/explanation/auto.md": {
+        "auto": page_tasks.auto,
+        "auto-field": page_tasks.auto_field,
+        "auto-verdicts": page_tasks.auto_verdicts,
+        "auto-parts": page_tasks.auto_parts,
+    },
     "docs/explanation/suite.md": {"suite": page_tasks.suite},
     "docs/reference/tasks.md": {
         "field": page_tasks.field,
