@@ -41,16 +41,24 @@ def auto_parts() -> str:
 
 
 def auto_verdicts() -> str:
-    """One row per task: how pairs of methods compare by hand and by rules."""
+    """One row per pair of methods: on how many tasks a verdict by hand decides, and what became of it by rules."""
     hand, rules = (_verdicts(folder, track) for folder, track in (("reference", "shared"), ("auto", "auto")))
-    body = [
-        [f"`{task}`", *(f"{hand[task, *pair]}; {rules.get((task, *pair), '')}" for pair in _PAIRS)]
-        for task in dict.fromkeys(task for task, *_ in hand)
-    ]
-    return markdown(["task", *(f"`{one}` against `{other}`" for one, other in _PAIRS)], body)
+    body = []
+    for pair in dict.fromkeys((one, other) for _, one, other in hand if "ginf" not in one + other):
+        told = {task: verdict for (task, *of), verdict in hand.items() if tuple(of) == pair}
+        now = {task: verdict for (task, *of), verdict in rules.items() if tuple(of) == pair}
+        decided = {task: verdict for task, verdict in told.items() if verdict in _DECIDED}
+        same = sum(now.get(task) == verdict for task, verdict in decided.items())
+        turned = sum(now.get(task) in _DECIDED and now[task] != verdict for task, verdict in decided.items())
+        alone = sum(verdict in _DECIDED and task not in decided for task, verdict in now.items())
+        counts = (len(told), len(decided), same, turned, len(decided) - same - turned, alone)
+        body.append([f"`{pair[0]}`, `{pair[1]}`", *map(str, counts)])
+    totals = [str(sum(int(line[place]) for line in body)) for place in range(1, 7)]
+    columns = ["tasks", "decided by hand", "the same by rules", "the opposite", "undecided by rules", "by rules alone"]
+    return markdown(["methods", *columns], [*body, ["all", *totals]], right=len(columns))
 
 
-_PAIRS = (("funnel", "raw"), ("flag", "raw"), ("flag", "funnel"))
+_DECIDED = ("better", "worse")
 
 
 def _verdicts(folder: str, track: str) -> dict[tuple[str, str, str], str]:
@@ -58,7 +66,7 @@ def _verdicts(folder: str, track: str) -> dict[tuple[str, str, str], str]:
     return {
         (row["task"], row["method"], row["other"]): row["verdict"].partition(",")[0]
         for row in recorded.table(folder, "comparisons")
-        if row["track"] == track and "[" not in row["task"] + row["agent"]
+        if (row["track"], row["budget"]) == (track, "quick") and "[" not in row["task"] + row["agent"]
     }
 
 
