@@ -8,7 +8,7 @@ from statistics import median
 
 import ablation
 import recorded
-from page_reference import entry, learned_by, of_setting, rows
+from page_reference import SEEDS, entry, learned_by, of_setting, rows
 from recorded import Row, markdown, number
 
 from stlbench.registry import plugins
@@ -38,6 +38,37 @@ def auto_field() -> str:
 def auto_parts() -> str:
     """One row per task: what `raw` learns by all rules, and without each part that they derive."""
     return markdown(["task", "all rules", *(f"`{part}`" for part in ablation.DERIVED)], ablation.lines("auto"))
+
+
+def auto_asked() -> str:
+    """One row per task that can be planned: what the best policy by each reward reaches, by rules and by hand."""
+    rules, hand = (_asked(folder) for folder in ("auto", "reference"))
+    columns = [
+        (method, setting, which)
+        for method, setting in (("raw", "recipe"), ("funnel", "recipe"), ("raw", "gamma=1"))
+        for which in (rules, hand)
+    ]
+    body = [
+        [f"`{task}`", f"{known:.3f}", *(which.get((task, method, setting), "") for method, setting, which in columns)]
+        for task, known in _known("auto").items()
+    ]
+    titles = [f"{what} {how}" for what in ("`raw`", "`funnel`", "no discount: `raw`") for how in ("by rules", "by hand")]
+    return markdown(["task", "best known", *titles], body, right=1 + len(titles))
+
+
+def _asked(folder: str) -> dict[tuple[str, str, str], str]:
+    """Robustness of the plan, with the share of starts that satisfy where not all do, on the finest grid."""
+    planned = (row for row in recorded.table(folder, "alignment") if row["reward_optimal"])
+    rows = sorted(planned, key=lambda row: float(row["resolution"]))
+    return {
+        (row["task"], row["method"], row["setting"]): number(row["reward_optimal"])
+        + ("" if float(row["satisfied"]) == 1 else f" ({100 * float(row['satisfied']):.0f} %)")
+        for row in rows
+    }
+
+
+def _known(folder: str) -> dict[str, float]:
+    return {row["task"]: float(row["best_known"]) for row in recorded.table(folder, "alignment")}
 
 
 def auto_verdicts() -> str:
@@ -86,10 +117,11 @@ def _beside(
 
 
 def _counts(row: Row | None) -> str:
-    """ "0.396; 9, 8 of 10": median, and the seeds that learned the task with the selected and the final policy."""
+    """ "0.396; 9, 8": median, and the seeds that learned the task with the selected and the final policy."""
     if row is None or row["seeds done"] == "0":
         return ""
-    return f"{number(row['median robustness'])}; {row['learned']}, {row['final learned']} of {row['seeds done']}"
+    of = "" if int(row["seeds done"]) == SEEDS else f" of {row['seeds done']}"
+    return f"{number(row['median robustness'])}; {row['learned']}, {row['final learned']}{of}"
 
 
 def _training(settings: Iterable[Row | None], cells: Sequence[Row]) -> float:

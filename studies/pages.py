@@ -41,6 +41,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "docs/explanation/auto.md": {
         "auto": page_tasks.auto,
         "auto-field": page_tasks.auto_field,
+        "auto-asked": page_tasks.auto_asked,
         "auto-verdicts": page_tasks.auto_verdicts,
         "auto-parts": page_tasks.auto_parts,
     },

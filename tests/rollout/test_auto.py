@@ -155,15 +155,22 @@ def test_what_is_not_there_cannot_be_left_out(name: str, track: Track, said: str
         on_track(load_task(name), Choice("dqn"), track)
 
 
+def test_of_a_recipe_by_hand_only_the_grid_of_a_planner_stays() -> None:
+    task = load_task("reach-stay")
+    planner = task.recipe("planner")
+    assert recipe("planner", task) == {"gamma": 0.9, "grid": planner["grid"]}
+    assert recipe("best-possible", task) == {"grid": planner["grid"]}
+
+
 @pytest.mark.parametrize(
     ("name", "budget", "steps", "checkpoints"),
     [
-        ("ball-in-cup", "quick", 600_000, 8),  # 300 episodes by hand
+        ("ball-in-cup", "quick", 900_000, 12),  # 300 episodes by hand
         ("ball-in-cup", "smoke", 16_000, 2),
         ("reach-stay", "quick", 1_280_000, 20),  # 1600 episodes
     ],
 )
-def test_the_budget_quick_has_600_episodes_at_least(name: str, budget: str, steps: int, checkpoints: int) -> None:
+def test_the_budget_quick_has_900_episodes_at_least(name: str, budget: str, steps: int, checkpoints: int) -> None:
     task = load_task(name)
     found = on_track(task, Choice(own_agent_on(task, "auto")), "auto").budget(budget)
     assert (found.steps, found.checkpoints) == (steps, checkpoints)
