@@ -76,8 +76,10 @@ SIGNS = {"worse": " worse", "better": " better"}
 def lines(track: str = "shared") -> list[list[str]]:
     """Lines of the table: task, method, the whole recipe, then the recipe without each part; no method on `auto`.
 
-    An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides.
+    An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides. Tasks on
+    which no verdict decides are left out.
     """
+    told = {each.task for each in ablations(track) if str(each.verdict) in SIGNS}
     found = {(each.task, each.method): each.whole for each in ablations(track) if each.method in SHOWN}
     without = {(each.task, each.method, each.part): each for each in ablations(track)}
     return [
@@ -88,6 +90,7 @@ def lines(track: str = "shared") -> list[list[str]]:
             *(_entry(without.get((task, method, part))) for part in (DERIVED if track == "auto" else PARTS)),
         ]
         for (task, method), whole in sorted(found.items())
+        if task in told
     ]
 
 

@@ -86,7 +86,7 @@ def tracks() -> str:
         if method in RIVALS and task not in trivial and {(task, method)} & {*found["plain"], *found["tuned"]}
     ]
     body = [
-        [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method))) for track in found)]
+        [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method)), interval=False) for track in found)]
         for task, method in keys
     ]
     return markdown(["task", "method", *(f"`{track}`" for track in found)], body)

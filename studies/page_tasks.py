@@ -52,7 +52,9 @@ def auto_asked() -> str:
         [f"`{task}`", f"{known:.3f}", *(which.get((task, method, setting), "") for method, setting, which in columns)]
         for task, known in _known("auto").items()
     ]
-    titles = [f"{what} {how}" for what in ("`raw`", "`funnel`", "no discount: `raw`") for how in ("by rules", "by hand")]
+    titles = [
+        f"{what} {how}" for what in ("`raw`", "`funnel`", "no discount: `raw`") for how in ("by rules", "by hand")
+    ]
     return markdown(["task", "best known", *titles], body, right=1 + len(titles))
 
 

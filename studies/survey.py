@@ -129,7 +129,9 @@ def across() -> tuple[list[str], list[list[str]]]:
     hand = found[0]
     lines = [
         [f"`{method}`", *(text for rows in found for text in _standing(rows.get(method)))]
-        for method in sorted(hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"])))
+        for method in sorted(
+            hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"]))
+        )
     ]
     return ["method", *(f"{what} by {how}" for how in ("hand", "rules") for what in ("fits", "rank", "score"))], lines
 
