@@ -1,4 +1,4 @@
-"""What each part of each recipe is worth, from results/ablation and results/reference; and on the track auto.
+"""What each part of each recipe is worth, from results/ablation and results/reference.
 
 python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the table
 """
@@ -34,8 +34,6 @@ PARTS = {
     "hold": "held actions",
 }
 """Of a recipe: what `task[without=PART]` leaves out, in words."""
-DERIVED = ("features", "rewarded", "cuts", "ends", "near", "exploring")
-"""What it leaves out on the track auto."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +50,14 @@ class Ablation:
 
 
 @cache
-def ablations(track: str = "shared") -> tuple[Ablation, ...]:
+def ablations() -> tuple[Ablation, ...]:
     """Those that were run, in the order of the parts; verdicts after Holm's correction for all of them."""
-    parts, folder, of = (DERIVED, "auto-ablation", "auto") if track == "auto" else (PARTS, "ablation", "reference")
-    whole, hand = recorded(of, track), by_hand()
+    whole, hand = recorded("reference"), by_hand()
     found = []
-    for (name, method, agent), seeds in recorded(folder, track).items():
+    for (name, method, agent), seeds in recorded("ablation").items():
         task, _, part = name.removesuffix("]").partition("[without=")
         found.append((task, method, part, seeds, whole[task, method, agent]))
-    found.sort(key=lambda each: (list(parts).index(each[2]), each[0], METHODS.index(each[1])))
+    found.sort(key=lambda each: (list(PARTS).index(each[2]), each[0], METHODS.index(each[1])))
     pairs = [
         Pair(one.robustness, other.robustness, MATTERS * abs(hand[task]), learned=(one.passed, other.passed))
         for task, _, _, one, other in found
@@ -73,24 +70,23 @@ SHOWN = ("funnel", "raw")
 SIGNS = {"worse": " worse", "better": " better"}
 
 
-def lines(track: str = "shared") -> list[list[str]]:
-    """Lines of the table: task, method, the whole recipe, then the recipe without each part; no method on `auto`.
+def lines() -> list[list[str]]:
+    """Lines of the table: task, method, the whole recipe, then the recipe without each part.
 
     An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides. Tasks on
     which no verdict decides are left out.
     """
-    told = {each.task for each in ablations(track) if str(each.verdict) in SIGNS}
-    found = {(each.task, each.method): each.whole for each in ablations(track) if each.method in SHOWN}
-    without = {(each.task, each.method, each.part): each for each in ablations(track)}
+    told = {each.task for each in ablations() if str(each.verdict) in SIGNS}
+    found = {(each.task, each.method): each.whole for each in ablations() if each.method in SHOWN and each.task in told}
+    without = {(each.task, each.method, each.part): each for each in ablations()}
     return [
         [
             f"`{task}`",
-            *([] if track == "auto" else [f"`{method}`"]),
+            f"`{method}`",
             _short(whole),
-            *(_entry(without.get((task, method, part))) for part in (DERIVED if track == "auto" else PARTS)),
+            *(_entry(without.get((task, method, part))) for part in PARTS),
         ]
         for (task, method), whole in sorted(found.items())
-        if task in told
     ]
 
 

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
-import ablation
 import recorded
 from page_reference import SEEDS, entry, learned_by, of_setting, rows
 from recorded import Row, markdown, number
@@ -33,11 +32,6 @@ def auto_field() -> str:
         (task, method): row for (task, agent, method), row in field_rows().items() if not agent.startswith("sb3")
     }
     return _beside("auto-field", by_hand, recorded.table("field", "cells"), ("funnel", "raw", "flag"))
-
-
-def auto_parts() -> str:
-    """One row per task: what `raw` learns by all rules, and without each part that they derive."""
-    return markdown(["task", "all rules", *(f"`{part}`" for part in ablation.DERIVED)], ablation.lines("auto"))
 
 
 def auto_asked() -> str:
