@@ -183,7 +183,7 @@ has sources. `python studies/gallery.py` makes this page.
 def _entry(task: Task, filmed: Filmed) -> str:
     name = task.name
     size = f'width="{filmed.width}" height="{filmed.height}"'
-    picture = f"![{task.file.title}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}"
+    picture = f"![{name}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}"
     return f"""## {name}
 
 [{picture}](figures/gallery/{name}.webp){{ .film }}

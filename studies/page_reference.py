@@ -105,15 +105,18 @@ def overlap_ends() -> str:
 
 
 def verdicts() -> str:
-    """One row per task: in words how `funnel` compares with `raw`. The page says that `flag` is worse than both."""
+    """How `funnel` compares with `raw`, one item per verdict. The page says that `flag` is worse than both."""
     said = {
         (row["task"], row["method"], row["other"]): row["verdict"]
         for row in rows("comparisons")
         if row["track"] == "shared" and "[" not in row["task"] + row["agent"]
     }
     assert {said[task, "flag", rival] for task, *_ in said for rival in ("funnel", "raw")} == {"worse"}
-    body = [[f"`{task}`", said[task, "funnel", "raw"]] for task in dict.fromkeys(task for task, *_ in said)]
-    return markdown(["task", "`funnel` against `raw`"], body)
+    items = dict[str, list[str]]()
+    for task in dict.fromkeys(task for task, *_ in said):
+        verdict, _, seeds = said[task, "funnel", "raw"].partition(", ")
+        items.setdefault(verdict, []).append(f"`{task}`" + (f" ({seeds})" if seeds else ""))
+    return "\n".join(f"- {verdict}: {', '.join(tasks)}" for verdict, tasks in items.items())
 
 
 def across() -> str:

@@ -39,7 +39,7 @@ def auto_asked() -> str:
     rules, hand = (_asked(folder) for folder in ("auto", "reference"))
     columns = [
         (method, setting, which)
-        for method, setting in (("raw", "recipe"), ("funnel", "recipe"), ("raw", "gamma=1"))
+        for method, setting in (("raw", "recipe"), ("raw", "gamma=1"))
         for which in (rules, hand)
     ]
     body = [
@@ -68,10 +68,10 @@ def _known(folder: str) -> dict[str, float]:
 
 
 def auto_verdicts() -> str:
-    """One row per pair of methods: on how many tasks a verdict by hand decides, and what became of it by rules."""
+    """One row per pair of methods that ran by rules: how many verdicts by hand decide, and what becomes of them."""
     hand, rules = (_verdicts(folder, track) for folder, track in (("reference", "shared"), ("auto", "auto")))
     body = []
-    for pair in dict.fromkeys((one, other) for _, one, other in hand if "ginf" not in one + other):
+    for pair in dict.fromkeys((one, other) for _, one, other in rules):
         told = {task: verdict for (task, *of), verdict in hand.items() if tuple(of) == pair}
         now = {task: verdict for (task, *of), verdict in rules.items() if tuple(of) == pair}
         decided = {task: verdict for task, verdict in told.items() if verdict in _DECIDED}
