@@ -46,7 +46,7 @@ def say(*words: str) -> Any:
         (["zz_space/Nothing-v5", FORMULA], "environment zz_space/Nothing-v5 cannot be made"),
         (["zz_space/nothing"], "there is no such folder"),
         (["zz_made:Quitter-v0", "G[0,9] o0 <= 1"], "the environment ends at once"),
-        (["CartPole-v1", FORMULA, "--minutes", "0.0001"], "minutes are too short"),
+        (["CartPole-v1", "F[0,20] x >= 2", "--minutes", "0.0001"], "minutes are too short"),
         (["CartPole-v1", "G[0,20] abs(thta) <= 1"], "no signal 'thta'; did you mean 'theta'"),
         (["CartPole-v1", "G[0,20 x"], "formula: line 1, column 8"),
         (["CartPole-v1", FORMULA, "--signal", "z=obs[4]"], "the observation has obs[0] to obs[3]"),
