@@ -147,7 +147,7 @@ def recipe(agent: str, task: Task) -> dict[str, Any]:
     continuous actions it reaches over a quarter of the episode's D decisions, 1 - 4 / D, but is at most 0.98.
     """
     own = task.file.agents.get(agent, {})
-    parameters = RECIPES.get(agent, {}) | {name: own[name] for name in (_GRID,) if name in own}
+    parameters = {**RECIPES.get(agent, {}), **{name: own[name] for name in (_GRID,) if name in own}}
     if "gamma" in parameters:
         again = max((node.b for node in recurring(task.formula)), default=0) / task.file.hold
         reaches = [parameters["gamma"], 1 - 1 / max(1.0, 2.5 * again)]
