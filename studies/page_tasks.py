@@ -35,21 +35,14 @@ def auto_field() -> str:
 
 
 def auto_asked() -> str:
-    """One row per task that can be planned: what the best policy by each reward reaches, by rules and by hand."""
+    """One row per task that can be planned: what the best policy by `raw` reaches, by rules and by hand."""
     rules, hand = (_asked(folder) for folder in ("auto", "reference"))
-    columns = [
-        (method, setting, which)
-        for method, setting in (("raw", "recipe"), ("raw", "gamma=1"))
-        for which in (rules, hand)
-    ]
+    columns = {"by rules": (rules, "recipe"), "by hand": (hand, "recipe"), "by rules, no discount": (rules, "gamma=1")}
     body = [
-        [f"`{task}`", f"{known:.3f}", *(which.get((task, method, setting), "") for method, setting, which in columns)]
+        [f"`{task}`", f"{known:.3f}", *(which.get((task, "raw", setting), "") for which, setting in columns.values())]
         for task, known in _known("auto").items()
     ]
-    titles = [
-        f"{what} {how}" for what in ("`raw`", "`funnel`", "no discount: `raw`") for how in ("by rules", "by hand")
-    ]
-    return markdown(["task", "best known", *titles], body, right=1 + len(titles))
+    return markdown(["task", "best known", *columns], body, right=1 + len(columns))
 
 
 def _asked(folder: str) -> dict[tuple[str, str, str], str]:
@@ -68,7 +61,10 @@ def _known(folder: str) -> dict[str, float]:
 
 
 def auto_verdicts() -> str:
-    """One row per pair of methods that ran by rules: how many verdicts by hand decide, and what becomes of them."""
+    """One row per pair of methods that ran by rules: how many verdicts by hand decide, and what becomes of them.
+
+    The page says that none turns into its opposite.
+    """
     hand, rules = (_verdicts(folder, track) for folder, track in (("reference", "shared"), ("auto", "auto")))
     body = []
     for pair in dict.fromkeys((one, other) for _, one, other in rules):
@@ -76,12 +72,12 @@ def auto_verdicts() -> str:
         now = {task: verdict for (task, *of), verdict in rules.items() if tuple(of) == pair}
         decided = {task: verdict for task, verdict in told.items() if verdict in _DECIDED}
         same = sum(now.get(task) == verdict for task, verdict in decided.items())
-        turned = sum(now.get(task) in _DECIDED and now[task] != verdict for task, verdict in decided.items())
+        assert not any(now.get(task) in _DECIDED and now[task] != verdict for task, verdict in decided.items())
         alone = sum(verdict in _DECIDED and task not in decided for task, verdict in now.items())
-        counts = (len(told), len(decided), same, turned, len(decided) - same - turned, alone)
+        counts = (len(told), len(decided), same, len(decided) - same, alone)
         body.append([f"`{pair[0]}`, `{pair[1]}`", *map(str, counts)])
-    totals = [str(sum(int(line[place]) for line in body)) for place in range(1, 7)]
-    columns = ["tasks", "decided by hand", "the same by rules", "the opposite", "undecided by rules", "by rules alone"]
+    totals = [str(sum(int(line[place]) for line in body)) for place in range(1, 6)]
+    columns = ["tasks", "decided by hand", "the same by rules", "undecided by rules", "by rules alone"]
     return markdown(["methods", *columns], [*body, ["all", *totals]], right=len(columns))
 
 
