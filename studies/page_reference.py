@@ -104,13 +104,18 @@ def overlap_ends() -> str:
     return markdown(["method", "the recipe, without ends", "with ends"], body)
 
 
+def compared(folder: str, track: str) -> dict[tuple[str, str, str], str]:
+    """Task, method and another -> in words how they compare, on the tasks themselves by their own agents."""
+    return {
+        (row["task"], row["method"], row["other"]): row["verdict"]
+        for row in recorded.table(folder, "comparisons")
+        if (row["track"], row["budget"]) == (track, "quick") and "[" not in row["task"] + row["agent"]
+    }
+
+
 def verdicts() -> str:
     """How `funnel` compares with `raw`, one item per verdict. The page says that `flag` is worse than both."""
-    said = {
-        (row["task"], row["method"], row["other"]): row["verdict"]
-        for row in rows("comparisons")
-        if row["track"] == "shared" and "[" not in row["task"] + row["agent"]
-    }
+    said = compared("reference", "shared")
     assert {said[task, "flag", rival] for task, *_ in said for rival in ("funnel", "raw")} == {"worse"}
     items = dict[str, list[str]]()
     for task in dict.fromkeys(task for task, *_ in said):

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
 import recorded
-from page_reference import SEEDS, entry, learned_by, of_setting, rows
+from page_reference import SEEDS, compared, entry, learned_by, of_setting, rows
 from recorded import Row, markdown, number
 
 from stlbench.registry import plugins
@@ -38,26 +38,22 @@ def auto_asked() -> str:
     """One row per task that can be planned: what the best policy by `raw` reaches, by rules and by hand."""
     rules, hand = (_asked(folder) for folder in ("auto", "reference"))
     columns = {"by rules": (rules, "recipe"), "by hand": (hand, "recipe"), "by rules, no discount": (rules, "gamma=1")}
+    known = {row["task"]: number(row["best_known"]) for row in recorded.table("auto", "alignment")}
     body = [
-        [f"`{task}`", f"{known:.3f}", *(which.get((task, "raw", setting), "") for which, setting in columns.values())]
-        for task, known in _known("auto").items()
+        [f"`{task}`", best, *(which.get((task, setting), "") for which, setting in columns.values())]
+        for task, best in known.items()
     ]
     return markdown(["task", "best known", *columns], body, right=1 + len(columns))
 
 
-def _asked(folder: str) -> dict[tuple[str, str, str], str]:
-    """Robustness of the plan, with the share of starts that satisfy where not all do, on the finest grid."""
-    planned = (row for row in recorded.table(folder, "alignment") if row["reward_optimal"])
-    rows = sorted(planned, key=lambda row: float(row["resolution"]))
+def _asked(folder: str) -> dict[tuple[str, str], str]:
+    """Task and setting -> robustness of the plan for `raw` on the finest grid, and what share satisfies if not all."""
+    rows = [row for row in recorded.table(folder, "alignment") if row["method"] == "raw" and row["reward_optimal"]]
     return {
-        (row["task"], row["method"], row["setting"]): number(row["reward_optimal"])
+        (row["task"], row["setting"]): number(row["reward_optimal"])
         + ("" if float(row["satisfied"]) == 1 else f" ({100 * float(row['satisfied']):.0f} %)")
-        for row in rows
+        for row in sorted(rows, key=lambda row: float(row["resolution"]))
     }
-
-
-def _known(folder: str) -> dict[str, float]:
-    return {row["task"]: float(row["best_known"]) for row in recorded.table(folder, "alignment")}
 
 
 def auto_verdicts() -> str:
@@ -65,7 +61,10 @@ def auto_verdicts() -> str:
 
     The page says that none turns into its opposite.
     """
-    hand, rules = (_verdicts(folder, track) for folder, track in (("reference", "shared"), ("auto", "auto")))
+    hand, rules = (
+        {key: said.partition(",")[0] for key, said in compared(*of).items()}
+        for of in (("reference", "shared"), ("auto", "auto"))
+    )
     body = []
     for pair in dict.fromkeys((one, other) for _, one, other in rules):
         told = {task: verdict for (task, *of), verdict in hand.items() if tuple(of) == pair}
@@ -82,15 +81,6 @@ def auto_verdicts() -> str:
 
 
 _DECIDED = ("better", "worse")
-
-
-def _verdicts(folder: str, track: str) -> dict[tuple[str, str, str], str]:
-    """In words how a method compares with another on a task, without the seeds that would tell."""
-    return {
-        (row["task"], row["method"], row["other"]): row["verdict"].partition(",")[0]
-        for row in recorded.table(folder, "comparisons")
-        if (row["track"], row["budget"]) == (track, "quick") and "[" not in row["task"] + row["agent"]
-    }
 
 
 def _beside(

@@ -1,6 +1,6 @@
 """What trainings on the suite answer: what explains scores, what they depend on, whether a form tells the best method.
 
-python studies/suite_answers.py     write the scores that `stlbench advise` reads; studies/pages.py writes the tables
+python studies/suite_answers.py     write the scores that `stlbench advise` reads, and print the tables
 """
 
 from __future__ import annotations
@@ -187,9 +187,9 @@ def scores() -> str:
 
 
 def main() -> None:
-    """Write it."""
+    """Write it, and print what follows."""
     SCORES.write_text(scores(), encoding="utf-8")
-    print(SCORES)
+    print(SCORES, components(), slopes(), held_out(), sep="\n\n")
 
 
 if __name__ == "__main__":

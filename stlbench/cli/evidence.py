@@ -20,7 +20,8 @@ def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, An
         for plugin in plugins.available("suites").values()
         for each in suites.made(plugin).scores()
     ]
-    found = evidence.alike(traits(formula), trained, methods)
+    form = traits(formula)
+    found = evidence.alike(form, trained, methods)
     rows = [
         {
             "method": rated.method,
@@ -31,7 +32,7 @@ def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, An
         }
         for rated in evidence.rated(found, methods)
     ]
-    return {"form": sorted(traits(formula)), "formulas": len(found), "methods": rows}
+    return {"form": sorted(form), "formulas": len(found), "methods": rows}
 
 
 def evidence_text(drawn: Mapping[str, Any]) -> str | Table:

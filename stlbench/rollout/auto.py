@@ -61,8 +61,6 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
     "planner": {"gamma": 0.9},
 }
 """Parameters of agents, the same for every task; another agent trains with its defaults."""
-_GRID = "grid"
-"""What stays of a task's own recipe: on which grid a planner solves it. No learner has one."""
 
 _MOST = 0.98
 """Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
@@ -141,13 +139,14 @@ def _budget(name: str, budget: Budget, steps: int) -> Budget:
 
 
 def recipe(agent: str, task: Task) -> dict[str, Any]:
-    """The agent's parameters; its defaults where there are no rules for it.
+    """The agent's parameters; its defaults where there are no rules for it. A planner keeps the task's grid.
 
     With G F p, the discount reaches over the longest window of F, of W decisions: it is at least 1 - 1 / (2.5 W). For
     continuous actions it reaches over a quarter of the episode's D decisions, 1 - 4 / D, but is at most 0.98.
     """
-    own = task.file.agents.get(agent, {})
-    parameters = {**RECIPES.get(agent, {}), **{name: own[name] for name in (_GRID,) if name in own}}
+    parameters = dict(RECIPES.get(agent, {}))
+    if (grid := task.recipe(agent).get("grid")) is not None:
+        parameters["grid"] = grid
     if "gamma" in parameters:
         again = max((node.b for node in recurring(task.formula)), default=0) / task.file.hold
         reaches = [parameters["gamma"], 1 - 1 / max(1.0, 2.5 * again)]
