@@ -1,4 +1,4 @@
-"""What each part of each recipe is worth, from results/ablation and results/reference.
+"""What each part of each recipe is worth, from results/ablation and results/reference; and each rule of `auto`.
 
 python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the table
 """
@@ -34,6 +34,8 @@ PARTS = {
     "hold": "held actions",
 }
 """Of a recipe: what `task[without=PART]` leaves out, in words."""
+DERIVED = ("features", "rewarded", "cuts", "ends", "near", "exploring")
+"""What it leaves out on the track `auto`."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,23 @@ class Ablation:
     """Of what is without the part, against the whole recipe."""
 
 
+_TRACKS = {
+    "shared": ("reference", "ablation", tuple(PARTS)),
+    "auto": ("auto", "auto-ablation", DERIVED),
+}
+"""Track -> folder of the whole recipes, folder without parts, parts."""
+
+
 @cache
-def ablations() -> tuple[Ablation, ...]:
+def ablations(track: str = "shared") -> tuple[Ablation, ...]:
     """Those that were run, in the order of the parts; verdicts after Holm's correction for all of them."""
-    whole, hand = recorded("reference"), by_hand()
+    folder, without, parts = _TRACKS[track]
+    whole, hand = recorded(folder, track), by_hand()
     found = []
-    for (name, method, agent), seeds in recorded("ablation").items():
+    for (name, method, agent), seeds in recorded(without, track).items():
         task, _, part = name.removesuffix("]").partition("[without=")
         found.append((task, method, part, seeds, whole[task, method, agent]))
-    found.sort(key=lambda each: (list(PARTS).index(each[2]), each[0], METHODS.index(each[1])))
+    found.sort(key=lambda each: (parts.index(each[2]), each[0], METHODS.index(each[1])))
     pairs = [
         Pair(one.robustness, other.robustness, MATTERS * abs(hand[task]), learned=(one.passed, other.passed))
         for task, _, _, one, other in found
@@ -87,6 +97,16 @@ def lines() -> list[list[str]]:
             *(_entry(without.get((task, method, part))) for part in PARTS),
         ]
         for (task, method), whole in sorted(found.items())
+    ]
+
+
+def derived() -> list[list[str]]:
+    """The same on the track `auto`, for `raw` and all tasks: task, all rules, then without each."""
+    found = {each.task: each.whole for each in ablations("auto")}
+    without = {(each.task, each.part): each for each in ablations("auto")}
+    return [
+        [f"`{task}`", _short(whole), *(_entry(without.get((task, part))) for part in DERIVED)]
+        for task, whole in sorted(found.items())
     ]
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
+import ablation
 import recorded
 from page_reference import SEEDS, compared, entry, learned_by, of_setting, rows
 from recorded import Row, markdown, number
@@ -54,6 +55,11 @@ def _asked(folder: str) -> dict[tuple[str, str], str]:
         + ("" if float(row["satisfied"]) == 1 else f" ({100 * float(row['satisfied']):.0f} %)")
         for row in sorted(rows, key=lambda row: float(row["resolution"]))
     }
+
+
+def auto_parts() -> str:
+    """One row per task: what `raw` learns by all rules, and without what each rule derives."""
+    return markdown(["task", "all rules", *(f"`{part}`" for part in ablation.DERIVED)], ablation.derived())
 
 
 def auto_verdicts() -> str:

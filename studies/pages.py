@@ -43,6 +43,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "auto-field": page_tasks.auto_field,
         "auto-asked": page_tasks.auto_asked,
         "auto-verdicts": page_tasks.auto_verdicts,
+        "auto-parts": page_tasks.auto_parts,
     },
     "docs/explanation/suite.md": {"suite": page_tasks.suite},
     "docs/reference/tasks.md": {

@@ -1,4 +1,4 @@
-"""Every method on each task of the survey, from results/survey.
+"""Every method on each task of the survey, from results/survey and, by rules, from results/auto-survey.
 
 python studies/survey.py            draw docs/figures/survey.svg; studies/pages.py writes the tables
 """
@@ -22,7 +22,7 @@ from stlbench.task import load_task
 
 STUDY = Path(__file__).parent / "survey.yaml"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "survey.svg"
-FOLDER = "survey"
+FOLDER, BY_RULES = "survey", "auto-survey"
 
 _SEEDS = 5
 """Of the study: only where a row has another number, an entry says it."""
@@ -124,13 +124,22 @@ def _asked(row: Row | None) -> str:
 
 
 def across() -> tuple[list[str], list[list[str]]]:
-    """One line per method, those that fit the most tasks first: rank among the methods that fit, beside how many do."""
-    found = [row for row in first_field(table(FOLDER, "aggregates")) if row["track"] == "shared"]
+    """One line per method, those that fit the most tasks first: by hand and by rules, what it fits and how it ranks."""
+    hand, rules = (_aggregates(folder, track) for folder, track in ((FOLDER, "shared"), (BY_RULES, "auto")))
+    methods = sorted(hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"])))
     lines = [
-        [f"`{row['method']}`", row["fits"], *(estimate(row, *name) for name in (("rank", 1), ("mean", 2)))]
-        for row in sorted(found, key=lambda row: (-int(row["fits"].partition(" ")[0]), float(row["rank"])))
+        [f"`{method}`", *(text for rows in (hand, rules) for text in _standing(rows.get(method)))] for method in methods
     ]
-    return ["method", "fits", "rank where it fits", "mean score where it fits"], lines
+    columns = [f"{what} by {how}" for how in ("hand", "rules") for what in ("fits", "rank", "score")]
+    return ["method", *columns], lines
+
+
+def _aggregates(folder: str, track: str) -> dict[str, Row]:
+    return {row["method"]: row for row in first_field(table(folder, "aggregates")) if row["track"] == track}
+
+
+def _standing(row: Row | None) -> tuple[str, str, str]:
+    return ("", "", "") if row is None else (row["fits"], estimate(row, "rank", 1), estimate(row, "mean", 2))
 
 
 def draw() -> Figure:

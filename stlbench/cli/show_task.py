@@ -88,7 +88,8 @@ def _lines(facts: dict[str, Any]) -> Iterator[str | Table]:
 
 def _seen(facts: dict[str, Any]) -> str:
     if facts["features"] == "formula":
-        return f"the state or the observation, and the formula's view: {'; '.join(facts['beyond_state'])}"
+        size, quantities = facts["observation_size"], "; ".join(facts["beyond_state"])
+        return f"{size} numbers: the state or the observation, the time, and the formula's view of {quantities}"
     if facts["features"] != "engineered":
         return {"state": "the state alone, scaled", "observation": "the whole observation"}[facts["features"]]
     beyond = "; ".join(facts["beyond_state"])

@@ -16,6 +16,7 @@ from stlbench.records.identity import Track
 from stlbench.records.result import Score
 from stlbench.registry import plugins
 from stlbench.rollout.baselines import Constants
+from stlbench.rollout.observing import size_without
 from stlbench.rollout.questions import Question, answers
 from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
 from stlbench.study.fitting import fit
@@ -44,6 +45,7 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
         "features": file.features if system or task.view else "observation",
         "environment": None if file.environment is None else file.environment.id,
         "beyond_state": task.view.quantities if task.view else beyond,
+        "observation_size": size_without(task) if task.view else None,
         "controller": None if controller is None else _mean(controller) | {"robustness_min": controller.minimum},
         "baselines": None if constants is None or random is None else _baselines(constants, random),
         "best_known": None if file.best_known is None else file.best_known.model_dump(),

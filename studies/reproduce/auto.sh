@@ -1,15 +1,17 @@
 # The paper's tasks and five from the field on the track auto, where rules take the place of recipes; plans of eight.
-# CPU time: 7 hours
-# Makes: auto auto-field auto-verdicts auto-asked
+# CPU time: 11 hours
+# Makes: auto auto-field auto-verdicts auto-asked auto-parts
 rules() {
     stlbench run --track auto --results results/auto "$@"
 }
 stlbench run studies/auto.yaml
 rules studies/reference-code.yaml
+rules --methods tau-mdp studies/reference.yaml
+stlbench run studies/auto-ablation.yaml
 stlbench run studies/auto-field.yaml
 stlbench run --tasks lunar-lander --methods raw studies/auto-field.yaml
 stlbench run --tasks hopper --methods flag studies/auto-field.yaml
-for folder in results/auto results/auto-field; do
+for folder in results/auto results/auto-field results/auto-ablation; do
     stlbench report $folder
     stlbench export $folder --format jsonl
 done

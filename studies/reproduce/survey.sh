@@ -1,5 +1,5 @@
 # Every method on eight tasks, five seeds; a recipe for each method on three; and what each asks for, by planning.
-# CPU time: 2 hours
+# CPU time: 3 hours
 # Makes: survey survey-across survey-tuned survey-planned
 plan() {
     stlbench run --results results/survey-alignment --seeds 0-0 "$@"
@@ -9,6 +9,7 @@ all=funnel,flag,raw,tau-mdp,sparse,bhnr,causation,hprs,tau-cmdp,cfer
 running="tltl,dense,dense[mode=difference]"
 coarse="planner[resolution=0.5]"
 stlbench run studies/survey.yaml
+stlbench run --track auto --results results/auto-survey studies/survey.yaml
 stlbench tune --tasks integrator-or,hold-disc-coarse,hold-disc --methods "$all,$running,machine" --trials 12 \
     --results results/survey-tuning
 stlbench run studies/survey-tuned.yaml
@@ -22,5 +23,7 @@ rm -rf build/survey
 stlbench results merge build/survey results/survey results/survey-alignment
 stlbench report build/survey
 stlbench export build/survey --format jsonl
+stlbench report results/auto-survey
+stlbench export results/auto-survey --format jsonl
 cp build/survey/*.csv build/survey/report.md build/survey/cells.jsonl results/survey
 python studies/survey.py

@@ -51,6 +51,13 @@ def test_a_task_in_full_with_what_each_method_makes_of_it(say, toy):
     assert "toy-broken" in done.stderr
 
 
+def test_on_the_track_auto_the_size_of_an_observation_is_told(say, toy):
+    """The state, the time, and the margin over its range and at its near size."""
+    done = say("show", "task", "toy-line", "--track", "auto")
+    assert "\nseen:     4 numbers: " in done.stdout
+    assert "the formula's view of margin of x <= 1\n" in done.stdout
+
+
 ARRIVALS = """
 from stlbench.contract import RewardMethod
 class One(RewardMethod):
