@@ -59,13 +59,9 @@ class Progress:
 
     def along(self, samples: Array, t: Integers, memory: Array) -> list[Array]:
         """The h memories (N, size) after each of the samples (h, N, k), the first of which is at steps t (N,)."""
-        leaves = [window.phi.read(samples) for window in self._windows]
-        parts, after = self._parts(memory), list[Array]()
-        for i in range(len(samples)):
-            each = zip(self._windows, leaves, parts, strict=True)
-            parts = [window.take(values[i], t + i, part) for window, values, part in each]
-            after.append(np.concatenate(parts, axis=1))
-        return after
+        each = zip(self._windows, self._parts(memory), strict=True)
+        after = [window.along(window.phi.read(samples), t, part) for window, part in each]
+        return [np.concatenate(parts, axis=1) for parts in zip(*after, strict=True)]
 
     def so_far(self, memory: Array, t: Integers) -> Array:
         """The formula's value on the samples up to steps t, windows cut there (N,); at the end, its value."""
@@ -116,9 +112,9 @@ def _join(node: stl.Formula, semantics: stl.Semantics, found: list[Outer]) -> Jo
 
 def _folded(fold: stl.Fold, parts: Sequence[Known]) -> Known:
     """The fold of the parts that count; it counts where one of them does."""
+    if all(part.counts.all() for part in parts):
+        return Known(fold.of([part.value for part in parts]), parts[0].counts)
     values, counts = (np.stack(each, axis=-1) for each in zip(*parts, strict=True))
-    if counts.all():
-        return Known(fold(values), parts[0].counts)
     lifted = np.where(counts[..., None], fold.lift(values), fold.empty)
     some: Truth = np.asarray(counts.any(axis=-1))
     return Known(np.where(some, fold.read(fold.merged(lifted)), 0.0), some)

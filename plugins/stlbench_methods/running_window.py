@@ -69,17 +69,22 @@ class RunningWindow(Window):
         summary = np.where(count[:, None] > 0, summary, self._nothing)
         return self._joined(summary, history)
 
-    def take(self, leaves: Array, t: Integers, memory: Array) -> Array:
-        history = leaves[:, None]
+    def along(self, leaves: Array, t: Integers, memory: Array) -> list[Array]:
+        """The h memories (N, size) after each of the values (h, N, J), the first of which is of steps t (N,)."""
+        path = leaves.transpose(1, 0, 2)
         if self.ahead:
-            history = np.concatenate([self._history(memory)[:, 1:], history], axis=1)
-        summary, told = memory[:, : self.fold.size], t - self.ahead
+            path = np.concatenate([self._history(memory)[:, 1:], path], axis=1)
+        summary, told = memory[:, : self.fold.size], t + np.arange(len(leaves))[:, None] - self.ahead
         inside = (told >= self.first) & (told <= self.last)
-        if inside.any():
-            now = self.fold.lift(self.phi.values(history)[:, 0])
-            grown = np.where((told == self.first)[:, None], now, self.fold.merge(summary, now))
-            summary = grown if inside.all() else np.where(inside[:, None], grown, summary)
-        return self._joined(summary, history)
+        values = self.fold.lift(self.phi.values(path)) if inside.any() else np.empty((len(t), 0, self.fold.size))
+        after = list[Array]()
+        for i in range(len(leaves)):
+            if inside[i].any():
+                now, begins = values[:, i], told[i] == self.first
+                grown = np.where(begins[:, None], now, self.fold.merge(summary, now))
+                summary = grown if inside[i].all() else np.where(inside[i][:, None], grown, summary)
+            after.append(self._joined(summary, path[:, i : i + self.ahead + 1]))
+        return after
 
     def so_far(self, memory: Array, t: Integers) -> Array:
         """The value of the samples up to steps t, windows cut there: (N,). An empty one has the end of its range."""

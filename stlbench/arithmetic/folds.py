@@ -7,13 +7,17 @@ summaries are sums, or minima, of a function of each value.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.arithmetic import SMALLEST
+from stlbench.arithmetic.windows import slide
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -47,6 +51,10 @@ class Fold:
         """The function along the last axis: (..., n) -> (...)."""
         return self.read(self.merged(self.lift(values)))
 
+    def of(self, parts: Sequence[Floats]) -> Floats:
+        """The function of n arrays, element by element: (...) each -> (...)."""
+        return self(np.stack(parts, axis=-1))
+
     def merge(self, left: Floats, right: Floats) -> Floats:
         """One summary of two: (..., size), (..., size) -> (..., size)."""
         return np.asarray(self.joins(left, right))
@@ -58,6 +66,10 @@ class Fold:
     def accumulated(self, summaries: Floats) -> Floats:
         """The summaries of the first 1, 2, ..., n: (..., n, size) -> (..., n, size)."""
         return np.asarray(self.joins.accumulate(summaries, axis=-2))
+
+    def sliding(self, summaries: Floats, width: int) -> Floats:
+        """The summary of every `width` in a row: (n, m, size) -> (n, m - width + 1, size)."""
+        return self.merged(sliding_window_view(summaries, width, axis=1).swapaxes(-1, -2))
 
     def _lift(self, values: Floats) -> Floats:  # of the minimum
         return values[..., None]
@@ -75,6 +87,12 @@ class Least(Fold):
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         return np.where(np.asarray(count)[..., None] > 0, summary, math.inf)
+
+    def of(self, parts: Sequence[Floats]) -> Floats:
+        return reduce(np.minimum if self.sign > 0 else np.maximum, parts)
+
+    def sliding(self, summaries: Floats, width: int) -> Floats:
+        return slide(summaries[..., 0], width, np.minimum)[..., None]
 
 
 @dataclass(frozen=True, kw_only=True)

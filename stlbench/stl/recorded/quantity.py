@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from stlbench.arithmetic.folds import Semantics
@@ -74,7 +73,7 @@ class Quantity:
         match node:
             case Connective():
                 fold = self.semantics.least if node.least else self.semantics.greatest
-                return fold(np.stack([self._at(arg, leaves, steps, ends) for arg, _ in node.signed], axis=-1))
+                return fold.of([self._at(arg, leaves, steps, ends) for arg, _ in node.signed])
             case Window():
                 return self._window(node, leaves, steps, ends)
             case Between():
@@ -91,8 +90,7 @@ class Quantity:
         lifted = np.full((len(leaves), hi + node.b - first + 1, fold.size), fold.empty)
         if first <= read:
             lifted[:, : read - first + 1] = fold.lift(self._at(node.arg, leaves, (first, read), ends))
-        windows = sliding_window_view(lifted, node.b - node.a + 1, axis=1)  # (n, hi - lo + 1, size, width)
-        values = fold.read(fold.merged(windows.swapaxes(-1, -2)))
+        values = fold.read(fold.sliding(lifted, node.b - node.a + 1))
         values[:, max(last - node.a - lo + 1, 0) :] = ends[node.least]  # of windows that begin after the last sample
         return values
 
@@ -112,7 +110,7 @@ class Quantity:
             guards = least.lift(self._at(node.left, leaves, (t, last - 1), ends))
             before = least.read(least.accumulated(guards))[:, max(first - t - 1, 0) :]
             alone = goal.shape[1] - before.shape[1]  # 1 where the first goal is at t itself, without a guard
-            guarded = least(np.stack([goal[:, alone:], before], axis=-1))
+            guarded = least.of([goal[:, alone:], before])
             goal = np.concatenate([goal[:, :alone], guarded], axis=1)
         return pick(goal)
 
