@@ -16,7 +16,7 @@ from stlbench.rollout import faults
 from stlbench.rollout.early_ends import EarlyEnds
 from stlbench.rollout.exploring import ExploringStates
 from stlbench.rollout.model import ends_of, first_end
-from stlbench.rollout.observing import features, scaled_times, time_and_inputs
+from stlbench.rollout.observing import Moment, scaled_times, time_and_inputs
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
@@ -65,12 +65,22 @@ class Simulator:
             self.memory = self.memory.copy()
             self.memory[rows] = self.method.initial_memory(self.signals[rows], t)
 
-    def observe(self, t: Integers | None = None) -> Array:
-        """What a policy sees at its own time, or at t (N,): the task's features, the time, the inputs: (N, D)."""
+    def observe(self) -> Array:
+        """What a policy sees: the task's features, the time, the inputs: (N, D)."""
+        return self.observed(self.moment())
+
+    def moment(self, rows: Integers | Truth | None = None, t: Integers | None = None) -> Moment:
+        """What the observations of all copies, or of some, are made of: at their own time, or at t (N,)."""
         t = self.t if t is None else t
-        parts = [features(self.task, self.world, t), *time_and_inputs(self.method, self._times, t, self.memory)]
+        parts = (self.world.features(t), self.world.signals, t, self.memory)
+        return Moment(*parts if rows is None else (part[rows] for part in parts))
+
+    def observed(self, moment: Moment) -> Array:
+        """The observations (n, D)."""
+        numbers = moment.numbers(self.task)
+        parts = [numbers, *time_and_inputs(self.method, self._times, moment.t, moment.memory)]
         observation = np.concatenate(parts, axis=1)
-        faults.check_observation(self.task, self.method, parts, observation, t)
+        faults.check_observation(self.task, self.method, parts, observation, moment.t)
         return observation
 
     def advance(self, action: Integers | Array) -> Steps:
@@ -121,7 +131,7 @@ class BatchEnvironment:
     """N copies that restart by themselves (`contract.Environment`), by the rules of `TaskFile.training`."""
 
     def __init__(self, task: Task, method: RewardMethod, count: int, seed: int) -> None:
-        self.task, self.count = task, count
+        self.task, self.count, self._all = task, count, np.arange(count)
         self.actions, self.hold = task.actions, task.file.hold
         self.simulator = Simulator(task, method)
         self._training, horizon = task.file.training, task.file.steps
@@ -153,17 +163,35 @@ class BatchEnvironment:
         reward = held.reward / simulator.method.scale
         fate, t = self._fate(reward, held.samples), simulator.t
         event = self._outcome(simulator.memory, fate)
-        observation = arrived = simulator.observe()
-        # beyond a boundary the reward asks for something else: the value is that of going on as before it
-        if (boundary := self._events[t] == Event.CUT).any():
-            arrived = simulator.observe(np.where(boundary, t - self.hold, t))
-        if (ended := event >= Event.TIME_LIMIT).any():
-            self._reset_rows(np.flatnonzero(ended))
-            observation = simulator.observe()
+        boundary, ended = self._events[t] == Event.CUT, event >= Event.TIME_LIMIT
+        arrived, observation = self._seen_at(boundary, ended)
         transition = Transition(observation, reward, arrived, event)
         if self.counterfactuals:
             self._seen, self._taken = observation, _Taken(*before, transition, fate)
         return transition
+
+    def _seen_at(self, boundary: Truth, ended: Truth) -> tuple[Array, Array]:
+        """The observations (N, D) that the step arrives at, and those after a reset of the copies that ended.
+
+        Beyond a boundary the reward asks for something else: the value is that of going on as before it. All
+        observations are made at once, as the formula's view costs by the call.
+        """
+        simulator = self.simulator
+        moments = [simulator.moment(self._all)]
+        if boundary.any():
+            moments.append(simulator.moment(boundary, simulator.t - self.hold))
+        if ended.any():
+            self._reset_rows(np.flatnonzero(ended))
+            moments.append(simulator.moment(ended))
+        if len(moments) == 1:
+            seen = simulator.observed(moments[0])
+            return seen, seen
+        seen = simulator.observed(Moment(*map(np.concatenate, zip(*moments, strict=True))))
+        now = seen[: self.count]
+        arrived, observation = now.copy(), now.copy()
+        arrived[boundary] = seen[self.count : self.count + int(boundary.sum())]
+        observation[ended] = seen[len(seen) - int(ended.sum()) :]
+        return arrived, observation
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         """The last step with other memories (see `contract.Environment`)."""

@@ -7,10 +7,11 @@ of an observation (`Observation`) says what its numbers mean.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.contract import Array, GymTask, Integers, RewardMethod, System, World
+from stlbench.contract import Array, GymTask, Integers, RewardMethod, System
 from stlbench.records.observation import Observation
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
@@ -26,10 +27,19 @@ def time_and_inputs(method: RewardMethod, times: Array, t: Integers, memory: Arr
     return [times[t], method.inputs(memory)] if method.memory_size else [times[t]]
 
 
-def features(task: Task, world: World, t: Integers) -> Array:
-    """The numbers of the task at steps t (N,): the state's, and with `features: formula` those of the view: (N, d)."""
-    state = world.features(t)
-    return state if task.view is None else np.concatenate([state, task.view(state, world.signals, t)], axis=1)
+class Moment(NamedTuple):
+    """What observations of n copies are made of, each at its own time. Moments can be joined."""
+
+    features: Array  # (n, d), of the world
+    signals: Array  # (n, k)
+    t: Integers  # (n,)
+    memory: Array  # (n, m), of the method
+
+    def numbers(self, task: Task) -> Array:
+        """Of the task: the world's features, and with `features: formula` those of the formula's view: (n, d)."""
+        if task.view is None:
+            return self.features
+        return np.concatenate([self.features, task.view(self.features, self.signals, self.t)], axis=1)
 
 
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
@@ -53,5 +63,6 @@ def size_without(task: Task) -> int:
     """The number of features, and the time. It starts no method, as some import a compiler."""
     world = make_world(task, 1)
     world.restart(np.zeros(1, dtype=np.int64), task.starts.report_and_selection()[0][:1])
-    size: int = features(task, world, np.zeros(1, dtype=np.int64)).shape[1]
+    t = np.zeros(1, dtype=np.int64)
+    size: int = Moment(world.features(t), world.signals, t, np.empty((1, 0))).numbers(task).shape[1]
     return size + 1
