@@ -1,10 +1,8 @@
-"""Tables of pages by task: what is known of each, what was learned of those from the field, how the suite was drawn."""
+"""Tables of pages by task: what is known of each, what was learned by rules, and of those from the field."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from statistics import median
 
 import ablation
 import recorded
@@ -14,12 +12,6 @@ from recorded import Row, markdown, number
 from stlbench.registry import plugins
 from stlbench.rollout.baselines import constants
 from stlbench.task import load_task
-from stlbench_tasks.suite.formulas import table as suite_table
-from stlbench_tasks.suite.systems import SYSTEMS
-from stlbench_tasks.suite.templates import TEMPLATES
-
-REFUSED = ("trivial", "unknown", "cramped")
-"""Why candidates of the suite are refused."""
 
 
 def auto() -> str:
@@ -150,29 +142,6 @@ def _last(row: Row) -> float:
 def field_rows() -> dict[tuple[str, str, str], Row]:
     """The rows of `results/field` by task, agent and method."""
     return {(row["task"], row["agent"], row["method"]): row for row in recorded.table("field", "robustness")}
-
-
-def suite() -> str:
-    """One row per template: its tasks on each system, how far the witness is from the bound, what was refused."""
-    accepted, refused = suite_table()["accepted"], suite_table()["refused"]
-    body, whole = [], Counter[str]()
-    for template in TEMPLATES:
-        pairs = [f"{system}/{template}" for system in SYSTEMS]
-        counts = [len(accepted.get(pair, ())) for pair in pairs]
-        rows = [row for pair in pairs for row in accepted.get(pair, ())]
-        gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
-        why = sum((Counter(refused.get(pair, {})) for pair in pairs), Counter[str]())
-        whole += why + Counter(dict(zip(SYSTEMS, counts, strict=True)))
-        form = (TEMPLATES[template].__doc__ or "").partition(": ")[2].partition(", with")[0].partition(", for each")[0]
-        form = form if form.endswith("...") else form.removesuffix(".")
-        text = [f"`{template}`", f"`{form}`".replace("|", "\\|")]
-        body.append([*text, *counts, sum(counts), f"{100 * gap:.0f} %", *(why[kind] for kind in REFUSED)])
-    rows = [row for each in accepted.values() for row in each]
-    gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
-    total = ["all", "", *(whole[system] for system in SYSTEMS), len(rows), f"{100 * gap:.0f} %"]
-    body.append([*total, *(whole[kind] for kind in REFUSED)])
-    header = ["template", "formula", *(f"`{system}`" for system in SYSTEMS), "all", "gap, median", *REFUSED]
-    return markdown(header, [[str(value) for value in row] for row in body], right=len(header) - 1)
 
 
 def baselines() -> str:

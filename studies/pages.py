@@ -12,6 +12,7 @@ from pathlib import Path
 
 import joss
 import page_reference
+import page_suite
 import page_tasks
 import race
 import solve_foreign
@@ -45,7 +46,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "auto-verdicts": page_tasks.auto_verdicts,
         "auto-parts": page_tasks.auto_parts,
     },
-    "docs/explanation/suite.md": {"suite": page_tasks.suite},
+    "docs/explanation/suite.md": {"suite": page_suite.drawn},
     "docs/reference/tasks.md": {
         "field": page_tasks.field,
         "either-or": page_tasks.either_or,
