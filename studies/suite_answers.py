@@ -22,7 +22,6 @@ from stlbench import stl
 from stlbench.report import evidence
 from stlbench.statistics.intervals import LEVEL
 from stlbench.task.traits import traits
-from stlbench.task.windows import windows
 from stlbench_tasks import suite
 from stlbench_tasks.suite.formulas import FormulaSuite
 
@@ -52,10 +51,9 @@ class Drawn:
 
     @property
     def size(self) -> dict[str, float]:
-        """How large its formula is."""
-        parts = windows(self.formula)
-        ends = [window.end for window in parts]
-        return {"goals": sum(not window.invariant for window in parts), "horizon": max(ends), "parts": len(parts)}
+        """How large the task is, and how much later than needed its deadlines are."""
+        scene, _ = FormulaSuite().candidate(self.name).scene
+        return {"slack": scene.slack, "horizon": stl.horizon(self.formula), "regions": len(scene.regions)}
 
 
 @cache
@@ -127,16 +125,19 @@ def _unexplained(scores: NDArray[np.float64], columns: NDArray[np.float64]) -> f
 
 
 def slopes() -> str:
-    """One row per pair of methods: how the difference of their scores goes with the size of the formula."""
+    """One row per pair of methods: how the difference of their scores goes with the size of the task."""
     body = []
     for one, other in combinations(SHOWN, 2):
         both = [task for task in drawn() if {one, other} <= {*task.scores}]
         differences = np.array([fmean(task.scores[one]) - fmean(task.scores[other]) for task in both])
-        sizes = {name: np.array([task.size[name] for task in both]) for name in both[0].size}
+        sizes = {name: np.array([task.size[name] for task in both]) for name in _SIZES}
         body.append(
             [f"`{one}` less `{other}`", str(len(both)), *(_correlation(each, differences) for each in sizes.values())]
         )
-    return markdown(["difference of scores", "tasks", "goals", "horizon", "parts"], body)
+    return markdown(["difference of scores", "tasks", *_SIZES], body)
+
+
+_SIZES = ("slack", "horizon", "regions")
 
 
 def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
