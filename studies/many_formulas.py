@@ -5,7 +5,8 @@
 For each system and template, one agent is trained on candidates of the suite's generator that are no tasks of it. Each
 copy of the environment has a formula of its own, whose derived view is what the policy observes. It is then scored on
 the accepted tasks 0, 1 and 2. Beside it, an agent of the same recipe is trained on each of these tasks alone, with the
-task's budget. results/many-formulas/scores.csv gets a line as each is scored; what is there is not measured again.
+task's budget and with as many steps as the one agent. results/many-formulas/scores.csv gets a line as each is scored;
+what is there is not measured again.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -38,7 +40,7 @@ FORMULAS, SEEDS, TESTS = (8, 32), (0, 1), (0, 1, 2)
 FIRST = 10_000
 """The number of the first candidate in training. The suite's tasks have numbers far below."""
 TIMES = 4
-"""So many times the steps of a task's budget for all formulas together."""
+"""So many times the steps of a task's budget for all formulas together, and for one alone."""
 
 
 class Family:
@@ -65,23 +67,23 @@ def main(pairs: Sequence[str]) -> None:
     for pair in pairs:
         tests = [load_task(f"suite:{pair}/{number}") for number in TESTS]
         for seed in SEEDS:
-            for test in tests:
-                compared(pair, 1, seed, [test])
+            for times, test in product((1, TIMES), tests):
+                compared(pair, 1, seed, [test], times)
             for count in FORMULAS:
-                compared(pair, count, seed, tests)
+                compared(pair, count, seed, tests, TIMES)
 
 
-def compared(pair: str, count: int, seed: int, tests: Sequence[Task]) -> None:
+def compared(pair: str, count: int, seed: int, tests: Sequence[Task], times: int) -> None:
     """Train on so many formulas, one being the test's own; score on the tests, unless their lines are there."""
-    known = {(row["pair"], row["formulas"], row["seed"], row["test"]) for row in rows(SCORES)}
-    if all((pair, str(count), str(seed), test.name) in known for test in tests):
+    steps = times * tests[0].budget("quick").steps
+    known = {tuple(row[name] for name in ("pair", "formulas", "seed", "test", "steps")) for row in rows(SCORES)}
+    if all((pair, str(count), str(seed), test.name, str(steps)) in known for test in tests):
         return
     tasks = tests if count == 1 else alike(pair, count, tests[0])
     began = process_time()
     method = "flag" if "patrol" in pair else "raw"
     agent = agent_for(tasks[0].actions)
     helped = [automatic(task, agent) for task in tasks]
-    steps = tasks[0].budget("quick").steps * (1 if count == 1 else TIMES)
     policy = trained(helped, agent, method, steps, seed)
     seconds = process_time() - began
     for test in tests:
