@@ -1,12 +1,12 @@
 """Search for what is best known of a task: one sequence of held actions for each of the report's starts.
 
-    python studies/best_known.py TASK [--seconds 240] [--plan]
+    python studies/best_known.py TASK [--seconds 240] [--plan] [--policies FOLDER]
 
 For each start it begins with the best of these: the action zero, the controller by hand, a drive along way points where
-the task has some here, the sequences that were found before, and with `--plan` a plan for the formula. It changes
-sequences at random and keeps a change that does not make the robustness of its start smaller. The sequences go to
-results/best-known/TASK.npz, where anybody can replay them (`replay`). The number itself stands in the task file, under
-`best_known`.
+the task has some here, the sequences that were found before, with `--plan` a plan for the formula, and with
+`--policies` what each selected policy of a folder of results does. It changes sequences at random and keeps a change
+that does not make the robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody
+can replay them (`replay`). The number itself stands in the task file, under `best_known`.
 
 This is meant for systems without noise: a sequence that was made for one course of the noise is no policy.
 """
@@ -21,14 +21,25 @@ from pathlib import Path
 
 import numpy as np
 
-from stlbench import stl
-from stlbench.contract import ActionGrid, Actions, Array, Environment, Integers, StatePolicy, Training
+from stlbench.contract import (
+    ActionGrid,
+    Actions,
+    Array,
+    Environment,
+    Integers,
+    Policy,
+    RewardMethod,
+    StatePolicy,
+    Training,
+)
 from stlbench.records.result import Score
 from stlbench.rollout import baselines, controller, referee
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.model import model_of
+from stlbench.study.policies import load_policy
+from stlbench.study.results import Results
 from stlbench.task import Task, build_agent, load_task
 from stlbench_tasks.steering import Steering
 
@@ -69,7 +80,7 @@ def taken(task: Task, vectors: Array) -> Integers | Array:
 
 
 def _robustness(task: Task, begun: Array, sequences: Array) -> Array:
-    return stl.robustness(task.formula, _traces(task, begun, sequences), task.signals)
+    return np.array(referee.score(task, _traces(task, begun, sequences)).robustness)
 
 
 def by_hand(task: Task, begun: Array) -> Array:
@@ -132,19 +143,33 @@ def planned(task: Task, begun: Array) -> Array:
     return _recorded(task, begun, act)
 
 
+def learned(task: Task, begun: Array, folder: Path) -> list[Array]:
+    """What the selected policies of the task's cells do, (N, decisions, axes) each."""
+    cells = [each for each in Results.load(folder) if each.id.task == task.choice and each.measurement]
+    return [_of_policy(*load_policy(folder, each), begun) for each in cells]
+
+
+def _of_policy(task: Task, method: RewardMethod, policy: Policy, begun: Array) -> Array:
+    def act(simulator: Simulator) -> Array:
+        chosen = policy.act(simulator.observe())
+        return task.actions.vectors[chosen] if isinstance(task.actions, ActionGrid) else chosen
+
+    return _recorded(task, begun, act, method)
+
+
 def _no_environment(count: int) -> Environment:
     raise AssertionError("a plan steps no environment")
 
 
-def _recorded(task: Task, begun: Array, act: Callable[[Simulator], Array]) -> Array:
-    """The held actions (N, decisions, axes) of what acts."""
+def _recorded(task: Task, begun: Array, act: Callable[[Simulator], Array], method: RewardMethod | None = None) -> Array:
+    """The held actions (N, decisions, axes) of what acts, by the inputs of a method."""
     acted = list[Array]()
 
     def recording(simulator: Simulator) -> Integers | Array:
         acted.append(np.clip(act(simulator), task.actions.low, task.actions.high))
         return taken(task, acted[-1])
 
-    referee.simulate(task, Unpaid(task.specification), recording, begun)
+    referee.simulate(task, method or Unpaid(task.specification), recording, begun)
     return np.stack(acted, axis=1)
 
 
@@ -212,6 +237,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=240.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plan", action="store_true")
+    parser.add_argument("--policies", type=Path)
     said = parser.parse_args()
     task = load_task(said.task)
     begun = task.starts.report_and_selection()[0]
@@ -219,6 +245,7 @@ def main() -> None:
     zero = np.tile(baselines.zero(task), (len(begun), task.file.steps // task.file.hold, 1))
     found = [zero, by_hand(task, begun), *driven(task, begun)]
     found += [each for each in (kept(task), planned(task, begun) if said.plan else None) if each is not None]
+    found += learned(task, begun, said.policies) if said.policies else []
     values = np.stack([_robustness(task, begun, each) for each in found])
     print("to begin with:", ", ".join(f"{value.mean():.5f}" for value in values))
     best = np.stack(found)[values.argmax(axis=0), np.arange(len(begun))]

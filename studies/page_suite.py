@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from statistics import fmean, median
 
 import recorded
@@ -80,3 +81,28 @@ def groups(folder: str, by: str) -> str:
 
 def _short(row: Row | None) -> str:
     return "" if row is None else f"{float(row['learned [%]']):.0f} %, {recorded.number(row['score'], 2)}"
+
+
+def many() -> str:
+    """One row per system and template: what policies for one formula and for many reach, on tasks that these have not
+    seen: the starts that satisfy, and the score."""
+    found = dict[tuple[str, str, str], list[Row]]()
+    for row in recorded.table("many-formulas", "scores"):
+        found.setdefault((row["pair"], row["formulas"], row["steps"]), []).append(row)
+    body = []
+    for pair in dict.fromkeys(pair for pair, *_ in found):
+        least = min(int(steps) for own, _, steps in found if own == pair)
+        own = {(formulas, int(steps) // least): rows for (one, formulas, steps), rows in found.items() if one == pair}
+        body.append([f"`{pair}`", *(_reached(own[setting]) for setting in _SETTINGS)])
+    return markdown(["formulas", *_SETTINGS.values()], body, right=len(_SETTINGS))
+
+
+_SETTINGS = {("1", 1): "one", ("1", 4): "one, 4 times the steps", ("8", 4): "8, 4 times", ("32", 4): "32, 4 times"}
+
+
+def _reached(rows: Sequence[Row]) -> str:
+    scores = [
+        (float(row["robustness"]) - float(row["random"])) / (float(row["witness"]) - float(row["random"]))
+        for row in rows
+    ]
+    return f"{100 * fmean(float(row['satisfied']) for row in rows):.0f} %, {recorded.number(str(fmean(scores)), 2)}"
