@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 
 from stlbench.report.figures.style import COLOURS
 from stlbench.statistics.intervals import median, median_interval
-from stlbench.task import load_task
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "auto.svg"
 SHOWN = ("funnel", "raw")
@@ -37,7 +36,7 @@ def draw() -> Figure:
         texts = []
         for track, (_, _, marker) in HOW.items():
             seeds = found[track][row]
-            values = [_scored(row[0], value) for value in seeds.robustness]
+            values = [recorded.scored(row[0], value) for value in seeds.robustness]
             centre, ends = median(values), median_interval(values)
             colour = COLOURS[SHOWN.index(row[1])]
             place = height + (0.12 if track == "shared" else -0.12)
@@ -56,14 +55,6 @@ def draw() -> Figure:
     keys = [Line2D([], [], color="0.3", marker=marker, linestyle="", label=name) for _, name, marker in HOW.values()]
     figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     return figure
-
-
-def _scored(task: str, robustness: float) -> float:
-    file = load_task(task).file
-    assert file.baselines is not None
-    assert file.best_known is not None
-    low = file.baselines.random.robustness
-    return (robustness - low) / (file.best_known.robustness - low)
 
 
 if __name__ == "__main__":

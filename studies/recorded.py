@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stlbench.records.result import LEARNED
+from stlbench.task import load_task
 
 RESULTS = Path(__file__).parents[1] / "results"
 
@@ -69,6 +70,15 @@ def recorded(folder: str, track: str = "shared") -> dict[Key, Seeds]:
 def by_hand(folder: str = "reference") -> dict[str, float]:
     """Task -> mean robustness of the controller written by hand."""
     return {row["task"]: float(row["mean robustness"]) for row in table(folder, "controllers")}
+
+
+def scored(task: str, robustness: float) -> float:
+    """0 for a policy that acts at random, 1 for the best known."""
+    file = load_task(task).file
+    assert file.baselines is not None
+    assert file.best_known is not None
+    low = file.baselines.random.robustness
+    return (robustness - low) / (file.best_known.robustness - low)
 
 
 def number(text: str, digits: int = 3) -> str:

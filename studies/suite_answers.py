@@ -63,9 +63,7 @@ def drawn() -> tuple[Drawn, ...]:
     names = {f"suite-{name.replace('/', '-')}": name for name in known.names}
     for row in (row for folder in FOLDERS for row in recorded.table(folder, "cells")):
         if row["status"] == "done" and (row["budget"], row["track"]) == ("quick", "auto"):
-            facts = known.facts(names[row["task"]])
-            low, high = facts["baselines"]["random"]["robustness"], facts["robustness"]
-            score = (float(row["robustness_mean"]) - low) / (high - low)
+            score = recorded.scored(row["task"], float(row["robustness_mean"]))
             tasks.setdefault(names[row["task"]], {}).setdefault(row["method"], []).append(round(score, 4))
     formulas = {name: stl.parse(known.candidate(name).content("")["formula"]) for name in tasks}
     return tuple(

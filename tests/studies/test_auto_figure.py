@@ -18,5 +18,5 @@ def test_every_task_of_the_reference_has_a_row_for_each_method() -> None:
 
 def test_the_scale() -> None:
     file = load_task("reach-stay").file
-    assert figure._scored("reach-stay", file.best_known.robustness) == pytest.approx(1)
-    assert figure._scored("reach-stay", file.baselines.random.robustness) == pytest.approx(0)
+    assert figure.recorded.scored("reach-stay", file.best_known.robustness) == pytest.approx(1)
+    assert figure.recorded.scored("reach-stay", file.baselines.random.robustness) == pytest.approx(0)
