@@ -35,7 +35,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "overlap-ends": page_reference.overlap_ends,
         "survey": lambda: markdown(*survey.of_tasks()),
         "survey-across": lambda: markdown(*survey.across()),
-        "survey-tuned": lambda: markdown(*survey.tuned()),
         "survey-planned": lambda: markdown(*survey.planned()),
     },
     "docs/howto/solve.md": {"solve-foreign": solve_foreign.page, "solve-race": race.page},

@@ -73,18 +73,6 @@ def of_tasks() -> tuple[list[str], list[list[str]]]:
     return ["method", *(f"`{task}`" for task in tasks)], lines
 
 
-def tuned() -> tuple[list[str], list[list[str]]]:
-    """One line per method, one column per tuned task: learned by the shared recipe, and by the method's own."""
-    shared, own = results(), results("tuned")
-    done = {key for key, rows in own.items() if any(row["status"] == "done" for row in rows)}
-    tasks, methods = ([name for name in names if any(name in key for key in done)] for names in order())
-    lines = [
-        [f"`{method}`", *(" → ".join(entry(rows[task, method]) for rows in (shared, own)) for task in tasks)]
-        for method in methods
-    ]
-    return ["method", *(f"`{task}`" for task in tasks)], lines
-
-
 def planned() -> tuple[list[str], list[list[str]]]:
     """One line per method: the robustness of the policy that is best by its reward, and the starts that satisfy.
 
