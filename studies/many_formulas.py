@@ -4,9 +4,9 @@
 
 For each system and template, one agent is trained on candidates of the suite's generator that are no tasks of it. Each
 copy of the environment has a formula of its own, whose derived view is what the policy observes. It is then scored on
-the accepted tasks 0, 1 and 2. Beside it, an agent of the same recipe is trained on each of these tasks alone, with the
-task's budget and with as many steps as the one agent. results/many-formulas/scores.csv gets a line as each is scored;
-what is there is not measured again.
+those of the accepted tasks 0, 1 and 2 whose view has as many columns as that of task 0. Beside it, an agent of the same
+recipe is trained on each of these tasks alone, with the task's budget and with as many steps as the one agent.
+results/many-formulas/scores.csv gets a line as each is scored; what is there is not measured again.
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ class Family:
 def main(pairs: Sequence[str]) -> None:
     for pair in pairs:
         tests = [load_task(f"suite:{pair}/{number}") for number in TESTS]
+        tests = [test for test in tests if _size(test) == _size(tests[0])]
         for seed in SEEDS:
             for times, test in product((1, TIMES), tests):
                 compared(pair, 1, seed, [test], times)
