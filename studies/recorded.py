@@ -38,6 +38,11 @@ class Seeds:
         return [share >= LEARNED for share in self.satisfaction]
 
     @property
+    def mostly(self) -> bool:
+        """Whether the selected policies learned the task in four of five seeds or more."""
+        return sum(self.passed) >= 0.8 * len(self.passed)
+
+    @property
     def learned(self) -> tuple[int, int]:
         """Seeds in which the selected and the final policy learned the task."""
         return sum(self.passed), sum(share >= LEARNED for share in self.final)

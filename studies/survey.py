@@ -14,7 +14,8 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Row, Seeds, by_hand, cells, estimate, first_field, table
+from recorded import Row, Seeds, by_hand, cells, estimate, first_field, recorded, table
+from scipy.stats import spearmanr
 
 from stlbench.report.figures.style import COLOURS
 from stlbench.statistics.intervals import median, median_interval
@@ -22,7 +23,9 @@ from stlbench.task import load_task
 
 STUDY = Path(__file__).parent / "survey.yaml"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "survey.svg"
-FOLDER, BY_RULES = "survey", "auto-survey"
+FOLDER = "survey"
+_BOTH = ((FOLDER, "shared"), ("auto-survey", "auto"))
+"""Folders and tracks: by hand and by rules."""
 
 _SEEDS = 5
 """Of the study: only where a row has another number, an entry says it."""
@@ -113,21 +116,33 @@ def _asked(row: Row | None) -> str:
 
 def across() -> tuple[list[str], list[list[str]]]:
     """One line per method, those that fit the most tasks first: by hand and by rules, what it fits and how it ranks."""
-    hand, rules = (_aggregates(folder, track) for folder, track in ((FOLDER, "shared"), (BY_RULES, "auto")))
+    hand, rules = (_aggregates(*of) for of in _BOTH)
     methods = sorted(hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"])))
+    shown = [(rows, *name) for name in (("rank", 1), ("mean", 2)) for rows in (hand, rules)]
     lines = [
-        [f"`{method}`", *(text for rows in (hand, rules) for text in _standing(rows.get(method)))] for method in methods
+        [f"`{method}`", hand[method]["fits"], *(estimate(rows[method], *name) for rows, *name in shown)]
+        for method in methods
     ]
-    columns = [f"{what} by {how}" for how in ("hand", "rules") for what in ("fits", "rank", "score")]
-    return ["method", *columns], lines
+    assert all(rules[method]["fits"] == hand[method]["fits"] for method in methods)
+    columns = [f"{what} by {how}" for what in ("rank", "score") for how in ("hand", "rules")]
+    return ["method", "fits", *columns], lines
+
+
+def survived() -> str:
+    """Sentences: what of the survey by hand is the same by rules."""
+    hand, rules = ({key[:2]: each for key, each in recorded(*of).items()} for of in _BOTH)
+    both = [(seeds.mostly, rules[key].mostly) for key, seeds in hand.items() if key in rules]
+    same = sum(one == other for one, other in both)
+    ranks = [{name: float(row["rank"]) for name, row in _aggregates(*of).items()} for of in _BOTH]
+    correlation = spearmanr(*([each[method] for method in ranks[0]] for each in ranks)).statistic
+    return (
+        f"Of {len(both)} pairs of a method and a task {same} are learned in both ways or in none, in four of five "
+        f"seeds or more. The rank correlation of the methods (Spearman's) is {correlation:.2f}."
+    )
 
 
 def _aggregates(folder: str, track: str) -> dict[str, Row]:
     return {row["method"]: row for row in first_field(table(folder, "aggregates")) if row["track"] == track}
-
-
-def _standing(row: Row | None) -> tuple[str, str, str]:
-    return ("", "", "") if row is None else (row["fits"], estimate(row, "rank", 1), estimate(row, "mean", 2))
 
 
 def draw() -> Figure:

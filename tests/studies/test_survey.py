@@ -66,12 +66,11 @@ def test_the_rank_stands_beside_how_many_tasks_a_method_fits(monkeypatch: pytest
 
     hard = [line("7 of 8, not trivial", "few", "2 of 7", 1.5), line("7 of 8, not trivial", "all", "7 of 7", 3)]
     by_hand = [*hard, line("all 8", "few", "3 of 8", 1)]
-    by_rules = [{**line("7 of 8, not trivial", "few", "1 of 7", 4), "track": "auto"}]
+    by_rules = [{**row, "track": "auto", "rank": "4"} for row in by_hand]
     monkeypatch.setattr(survey, "table", lambda folder, _: by_rules if folder.startswith("auto") else by_hand)
     header, lines = survey.across()
-    assert header[1:3] == ["fits by hand", "rank by hand"]
-    assert [each[4:6] for each in lines] == [["", ""], ["1 of 7", "4.0 [4.0, 4.0]"]]
-    assert [each[:3] for each in lines] == [
-        ["`all`", "7 of 7", "3.0 [3.0, 3.0]"],
-        ["`few`", "2 of 7", "1.5 [1.5, 1.5]"],
+    assert header[1:4] == ["fits", "rank by hand", "rank by rules"]
+    assert [each[:4] for each in lines] == [
+        ["`all`", "7 of 7", "3.0 [3.0, 3.0]", "4.0 [3.0, 3.0]"],
+        ["`few`", "2 of 7", "1.5 [1.5, 1.5]", "4.0 [1.5, 1.5]"],
     ]

@@ -1,0 +1,51 @@
+"""Tables of the page about the suite."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import pytest
+from helpers.studies import load
+
+
+@pytest.fixture
+def page() -> ModuleType:
+    return load("page_suite")
+
+
+def test_the_columns_of_a_method_have_their_intervals(page: ModuleType) -> None:
+    row = {
+        "learned [%]": "54.5",
+        "learned 95 % interval low [%]": "18.2",
+        "learned 95 % interval high [%]": "90.9",
+        "score": "0.857",
+        "score 95 % interval low": "0.73",
+        "score 95 % interval high": "0.945",
+    }
+    assert page._told(row, "learned [%]", "score") == ("54 % [18, 91]", "0.86 [0.73, 0.94]")
+
+
+def test_one_policy_for_many_formulas_stands_beside_policies_for_each(
+    page: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The score is 0 at random and 1 at the witness; steps are counted in those of the least training."""
+
+    def row(formulas: str, steps: str, satisfied: str, robustness: str) -> dict[str, str]:
+        return {
+            "pair": "pair/reach",
+            "formulas": formulas,
+            "steps": steps,
+            "satisfied": satisfied,
+            "robustness": robustness,
+            "random": "-1",
+            "witness": "1",
+        }
+
+    rows = [
+        row("1", "100", "0", "-1"),
+        row("1", "400", "1", "1"),
+        row("8", "400", "0.5", "0"),
+        row("32", "400", "1", "0"),
+    ]
+    monkeypatch.setattr(page.recorded, "table", lambda *_: [*rows, row("32", "400", "0", "1")])
+    assert page.many().splitlines()[-1] == "| `pair/reach` | 0 %, 0.00 | 100 %, 1.00 | 50 %, 0.50 | 50 %, 0.75 |"
