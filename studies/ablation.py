@@ -77,6 +77,8 @@ def ablations(track: str = "shared") -> tuple[Ablation, ...]:
 
 SHOWN = ("funnel", "raw")
 """Methods in the table. All comparisons but one of `flag` are "cannot tell"."""
+SHOWN_PARTS = tuple(part for part in PARTS if part != "hold")
+"""Without `hold` only one task ran."""
 SIGNS = {"worse": " worse", "better": " better"}
 
 
@@ -94,7 +96,7 @@ def lines() -> list[list[str]]:
             f"`{task}`",
             f"`{method}`",
             _short(whole),
-            *(_entry(without.get((task, method, part))) for part in PARTS),
+            *(_entry(without.get((task, method, part))) for part in SHOWN_PARTS),
         ]
         for (task, method), whole in sorted(found.items())
     ]

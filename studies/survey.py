@@ -120,7 +120,11 @@ def across() -> tuple[list[str], list[list[str]]]:
     methods = sorted(hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"])))
     shown = [(rows, *name) for name in (("rank", 1), ("mean", 2)) for rows in (hand, rules)]
     lines = [
-        [f"`{method}`", hand[method]["fits"], *(estimate(rows[method], *name) for rows, *name in shown)]
+        [
+            f"`{method}`",
+            hand[method]["fits"].partition(" ")[0],
+            *(estimate(rows[method], *name) for rows, *name in shown),
+        ]
         for method in methods
     ]
     assert all(rules[method]["fits"] == hand[method]["fits"] for method in methods)
