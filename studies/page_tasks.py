@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 import ablation
@@ -55,27 +56,28 @@ def auto_parts() -> str:
 
 
 def auto_verdicts() -> str:
-    """One row per pair of methods that ran by rules: how many verdicts by hand decide, and what becomes of them.
-
-    The page says that none turns into its opposite.
-    """
+    """One row per pair of methods that ran by rules: how many verdicts by hand decide, and what becomes of them."""
     hand, rules = (
         {key: said.partition(",")[0] for key, said in compared(*of).items()}
         for of in (("reference", "shared"), ("auto", "auto"))
     )
-    body = []
-    for pair in dict.fromkeys((one, other) for _, one, other in rules):
-        told = {task: verdict for (task, *of), verdict in hand.items() if tuple(of) == pair}
-        now = {task: verdict for (task, *of), verdict in rules.items() if tuple(of) == pair}
-        decided = {task: verdict for task, verdict in told.items() if verdict in _DECIDED}
-        same = sum(now.get(task) == verdict for task, verdict in decided.items())
-        assert not any(now.get(task) in _DECIDED and now[task] != verdict for task, verdict in decided.items())
-        alone = sum(verdict in _DECIDED and task not in decided for task, verdict in now.items())
-        counts = (len(told), len(decided), same, len(decided) - same, alone)
-        body.append([f"`{pair[0]}`, `{pair[1]}`", *map(str, counts)])
-    totals = [str(sum(int(line[place]) for line in body)) for place in range(1, 6)]
-    columns = ["tasks", "decided by hand", "the same by rules", "undecided by rules", "by rules alone"]
-    return markdown(["methods", *columns], [*body, ["all", *totals]], right=len(columns))
+    found = dict[tuple[str, str], Counter[str]]()
+    for (task, *pair), said in rules.items():
+        before, after = hand[task, *pair] in _DECIDED, said in _DECIDED
+        found.setdefault((pair[0], pair[1]), Counter()).update(
+            {
+                "decided by hand": before,
+                "the same by rules": before and said == hand[task, *pair],
+                "turned round": before and after and said != hand[task, *pair],
+                "undecided by rules": before and not after,
+            }
+        )
+    columns = list(next(iter(found.values())))
+    total = sum(found.values(), Counter[str]())
+    body = [[f"`{one}`, `{other}`", *(str(each[name]) for name in columns)] for (one, other), each in found.items()]
+    return markdown(
+        ["methods", *columns], [*body, ["all", *(str(total[name]) for name in columns)]], right=len(columns)
+    )
 
 
 _DECIDED = ("better", "worse")

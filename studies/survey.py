@@ -32,6 +32,7 @@ _SEEDS = 5
 _COLOURS = COLOURS[0], COLOURS[4], COLOURS[1]
 """Blue where every seed learned, orange where some did, red where none did."""
 _PANELS_PER_ROW = 3
+_FEWEST_PLANS = 3
 _BELOW = 1.5
 """How far below 0 a panel goes, in units of the robustness of the controller by hand."""
 
@@ -72,14 +73,18 @@ def of_tasks() -> tuple[list[str], list[list[str]]]:
     """Header and lines, one line per method: what was learned of each task."""
     found = results()
     tasks, methods = order()
-    lines = [[f"`{method}`", *(entry(found.get((task, method))) for task in tasks)] for method in methods]
+    all_learned = f" ({_SEEDS})"  # is not said, as it is what most entries have
+    lines = [
+        [f"`{method}`", *(entry(found.get((task, method))).removesuffix(all_learned) for task in tasks)]
+        for method in methods
+    ]
     return ["method", *(f"`{task}`" for task in tasks)], lines
 
 
 def planned() -> tuple[list[str], list[list[str]]]:
     """One line per method: the robustness of the policy that is best by its reward, and the starts that satisfy.
 
-    Without tasks on which every such policy reaches the best known.
+    Without tasks on which every such policy reaches the best known, and without methods that have few plans.
     """
     found = {
         (row["task"], row["method"]): row
@@ -91,7 +96,8 @@ def planned() -> tuple[list[str], list[list[str]]]:
     ]
     found = {key: row for key, row in found.items() if key[0] in tasks}
     best = ["*the best known*", *(f"{max(_known(task), *_reached(found, task)):.3f}" for task in tasks)]
-    methods = [method for method in order()[1] if any(method == one for _, one in found)]
+    plans = Counter(method for _, method in found)
+    methods = [method for method in order()[1] if plans[method] >= _FEWEST_PLANS]
     lines = [[f"`{method}`", *(_asked(found.get((task, method))) for task in tasks)] for method in methods]
     return ["best by", *(f"`{task}`" for task in tasks)], [best, *lines]
 
