@@ -61,7 +61,10 @@ def test_what_was_found_by_search_is_there_to_replay() -> None:
     assert sorted(["formation", "hopper", *FAR]) == KEPT
 
 
-@pytest.mark.parametrize("name", ["formation", *(pytest.param(name, marks=pytest.mark.slow) for name in ("hopper", *FAR))])
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("hopper", *FAR)]
+
+
+@pytest.mark.parametrize("name", ["formation", *SLOW])
 def test_what_was_found_by_search_can_be_replayed(name: str) -> None:
     task = load_task(name)
     sequences = best_known.kept(task)
