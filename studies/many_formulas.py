@@ -66,7 +66,8 @@ class Family:
 def main(pairs: Sequence[str]) -> None:
     for pair in pairs:
         tests = [load_task(f"suite:{pair}/{number}") for number in TESTS]
-        tests = [test for test in tests if _size(test) == _size(tests[0])]
+        size = _size(tests[0])
+        tests = [test for test in tests if _size(test) == size]
         for seed in SEEDS:
             for times, test in product((1, TIMES), tests):
                 compared(pair, 1, seed, [test], times)

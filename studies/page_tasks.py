@@ -63,12 +63,13 @@ def auto_verdicts() -> str:
     )
     found = dict[tuple[str, str], Counter[str]]()
     for (task, *pair), said in rules.items():
-        before, after = hand[task, *pair] in _DECIDED, said in _DECIDED
+        told = hand[task, *pair]
+        before, after = told in _DECIDED, said in _DECIDED
         found.setdefault((pair[0], pair[1]), Counter()).update(
             {
                 "decided by hand": before,
-                "the same by rules": before and said == hand[task, *pair],
-                "turned round": before and after and said != hand[task, *pair],
+                "the same by rules": before and said == told,
+                "turned round": before and after and said != told,
                 "undecided by rules": before and not after,
             }
         )

@@ -82,8 +82,12 @@ def scored(task: str, robustness: float) -> float:
     file = load_task(task).file
     assert file.baselines is not None
     assert file.best_known is not None
-    low = file.baselines.random.robustness
-    return (robustness - low) / (file.best_known.robustness - low)
+    return between(robustness, file.baselines.random.robustness, file.best_known.robustness)
+
+
+def between(value: float, low: float, high: float) -> float:
+    """0 at `low`, 1 at `high`."""
+    return (value - low) / (high - low)
 
 
 def number(text: str, digits: int = 3) -> str:

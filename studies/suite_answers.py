@@ -8,12 +8,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations
 from pathlib import Path
 from statistics import fmean
 
 import numpy as np
+import page_suite
 import recorded
 from numpy.typing import NDArray
 from recorded import markdown
@@ -49,7 +50,7 @@ class Drawn:
         system, template, _ = self.name.split("/")
         return system, template
 
-    @property
+    @cached_property
     def size(self) -> dict[str, float]:
         """How large the task is, and how much later than needed its deadlines are."""
         scene, _ = FormulaSuite().candidate(self.name).scene
@@ -128,14 +129,11 @@ def slopes() -> str:
     for one, other in combinations(SHOWN, 2):
         both = [task for task in drawn() if {one, other} <= {*task.scores}]
         differences = np.array([fmean(task.scores[one]) - fmean(task.scores[other]) for task in both])
-        sizes = {name: np.array([task.size[name] for task in both]) for name in _SIZES}
+        sizes = {name: np.array([task.size[name] for task in both]) for name in both[0].size}
         body.append(
             [f"`{one}` less `{other}`", str(len(both)), *(_correlation(each, differences) for each in sizes.values())]
         )
-    return markdown(["difference of scores", "tasks", *_SIZES], body)
-
-
-_SIZES = ("slack", "horizon", "regions")
+    return markdown(["difference of scores", "tasks", *drawn()[0].size], body)
 
 
 def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
@@ -188,6 +186,9 @@ def scores() -> str:
 def main() -> None:
     """Write it, and print what follows."""
     SCORES.write_text(scores(), encoding="utf-8")
+    for folder in FOLDERS:
+        learned = (page_suite.methods(folder), page_suite.differences(folder), page_suite.groups(folder, "template"))
+        print(folder, *learned, sep="\n\n", end="\n\n")
     print(SCORES, components(), slopes(), held_out(), sep="\n\n")
 
 

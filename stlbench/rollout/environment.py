@@ -131,7 +131,7 @@ class BatchEnvironment:
     """N copies that restart by themselves (`contract.Environment`), by the rules of `TaskFile.training`."""
 
     def __init__(self, task: Task, method: RewardMethod, count: int, seed: int) -> None:
-        self.task, self.count, self._all = task, count, np.arange(count)
+        self.task, self.count = task, count
         self.actions, self.hold = task.actions, task.file.hold
         self.simulator = Simulator(task, method)
         self._training, horizon = task.file.training, task.file.steps
@@ -177,7 +177,7 @@ class BatchEnvironment:
         observations are made at once, as the formula's view costs by the call.
         """
         simulator = self.simulator
-        moments = [simulator.moment(self._all)]
+        moments = [simulator.moment(np.arange(self.count))]  # a copy, as a reset changes the world in place
         if boundary.any():
             moments.append(simulator.moment(boundary, simulator.t - self.hold))
         if ended.any():
