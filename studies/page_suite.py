@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import fmean, median
 
 import recorded
@@ -18,26 +18,26 @@ REFUSED = ("trivial", "unknown", "cramped")
 
 
 def drawn() -> str:
-    """One row per template: its tasks on each system, how far the witness is from the bound, what was refused."""
+    """One row per template: its tasks on each system, and how far the witness is from the bound; then what was refused."""
     accepted, refused = suite_table()["accepted"], suite_table()["refused"]
-    body, whole = [], Counter[str]()
-    for template in TEMPLATES:
-        pairs = [f"{system}/{template}" for system in SYSTEMS]
-        counts = [len(accepted.get(pair, ())) for pair in pairs]
-        rows = [row for pair in pairs for row in accepted.get(pair, ())]
+    body = []
+    for template in (*TEMPLATES, "all"):
+        shown = TEMPLATES if template == "all" else (template,)
+        by_system = [[row for each in shown for row in accepted.get(f"{system}/{each}", ())] for system in SYSTEMS]
+        rows = [row for own in by_system for row in own]
         gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
-        why = sum((Counter(refused.get(pair, {})) for pair in pairs), Counter[str]())
-        whole += why + Counter(dict(zip(SYSTEMS, counts, strict=True)))
-        form = (TEMPLATES[template].__doc__ or "").partition(": ")[2].partition(", with")[0].partition(", for each")[0]
-        form = form if form.endswith("...") else form.removesuffix(".")
-        text = [f"`{template}`", f"`{form}`".replace("|", "\\|")]
-        body.append([*text, *counts, sum(counts), f"{100 * gap:.0f} %", *(why[kind] for kind in REFUSED)])
-    rows = [row for each in accepted.values() for row in each]
-    gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
-    total = ["all", "", *(whole[system] for system in SYSTEMS), len(rows), f"{100 * gap:.0f} %"]
-    body.append([*total, *(whole[kind] for kind in REFUSED)])
-    header = ["template", "formula", *(f"`{system}`" for system in SYSTEMS), "all", "gap, median", *REFUSED]
-    return markdown(header, [[str(value) for value in row] for row in body], right=len(header) - 1)
+        text = ["all", ""] if template == "all" else [f"`{template}`", f"`{_form(template)}`".replace("|", "\\|")]
+        body.append([*text, *(str(len(own)) for own in by_system), str(len(rows)), f"{100 * gap:.0f} %"])
+    header = ["template", "formula", *(f"`{system}`" for system in SYSTEMS), "all", "gap, median"]
+    why = sum((Counter(own) for own in refused.values()), Counter[str]())
+    told = ", ".join(f"{why[kind]} {kind}" for kind in REFUSED)
+    return markdown(header, body, right=len(header) - 1) + f"\n\nRefused: {told}."
+
+
+def _form(template: str) -> str:
+    """The formula of a template, from the first line of its docstring."""
+    form = (TEMPLATES[template].__doc__ or "").partition(": ")[2].partition(", with")[0].partition(", for each")[0]
+    return form if form.endswith("...") else form.removesuffix(".")
 
 
 def methods(folder: str) -> str:
@@ -46,41 +46,47 @@ def methods(folder: str) -> str:
     body = []
     for row in (row for row in recorded.table(folder, "groups") if row["by"] == "all"):
         seconds = fmean(float(cell["cpu_seconds"]) for cell in cells if cell["method"] == row["method"])
-        body.append([f"`{row['method']}`", row["fits"], *_told(row, "learned [%]", "score"), f"{seconds:.1f} s"])
+        body.append([f"`{row['method']}`", row["fits"], *_told(row), f"{seconds:.1f} s"])
     return markdown(["method", "fits", "learned", "score", "CPU of a cell"], body, right=4)
 
 
-def differences(folder: str) -> str:
-    """One row per pair with `raw`: how much more often the other learned, and how much higher its score was."""
-    body = []
-    for row in (row for row in recorded.table(folder, "differences") if row["by"] == "all"):
-        if "raw" in (row["method"], row["other"]):
-            told = _told(row, "learned more often [%]", "higher score")
-            body.append([f"`{row['method']}` less `{row['other']}`", row["both fit"], *told])
-    return markdown(["methods", "both fit", "learned more often", "higher score"], body, right=3)
-
-
-def _told(row: Row, share: str, score: str) -> tuple[str, str]:
-    """ "55 % [18, 91]", "0.86 [0.73, 0.95]": two columns with their intervals."""
-    ends = ("95 % interval low", "95 % interval high")
-    shares = (f"{float(row[name]):.0f}" for name in (share, *(f"learned {end} [%]" for end in ends)))
-    scores = (recorded.number(row[name], 2) for name in (score, *(f"score {end}" for end in ends)))
-    return "{} % [{}, {}]".format(*shares), "{} [{}, {}]".format(*scores)
-
-
-def groups(folder: str, by: str) -> str:
-    """One row per template, system or tier, one column per method: the share of seeds that learned, and the score."""
-    found = {(row["group"], row["method"]): row for row in recorded.table(folder, "groups") if row["by"] == by}
-    columns = list(dict.fromkeys(method for _, method in found))
-    body = [
-        [f"`{group}`", *(_short(found.get((group, method))) for method in columns)]
-        for group in dict.fromkeys(group for group, _ in found)
+def forms(folder: str) -> str:
+    """One row per template and one for all tasks: how much higher each method's score is than that of `raw`."""
+    found = {(row["group"], row["method"], row["other"]): row for row in recorded.table(folder, "differences")}
+    others = [
+        row["method"] for row in recorded.table(folder, "groups") if row["by"] == "all" and row["method"] != "raw"
     ]
-    return markdown([by, *(f"`{method}`" for method in columns)], body, right=len(columns))
+    body = []
+    for group in (*TEMPLATES, "all"):
+        own = [_higher(found, group, method) for method in others]
+        if any(own):
+            body.append([f"`{group}`" if group in TEMPLATES else group, *own])
+    return markdown(["score less that of `raw`", *(f"`{method}`" for method in others)], body, right=len(others))
 
 
-def _short(row: Row | None) -> str:
-    return "" if row is None else f"{float(row['learned [%]']):.0f} %, {recorded.number(row['score'], 2)}"
+def _higher(found: Mapping[tuple[str, str, str], Row], group: str, method: str) -> str:
+    """ "0.02 [0.01, 0.03]"; empty where no task fits both, without an interval where few do."""
+    sign, row = 1, found.get((group, method, "raw"))
+    if row is None:
+        sign, row = -1, found.get((group, "raw", method))
+    if row is None:
+        return ""
+    ends = [row[f"score 95 % interval {end}"] for end in ("low", "high")]
+    values = [row["higher score"], *ends[::sign]]
+    return _with_ends(*(each and recorded.number(str(sign * float(each)), 2) for each in values))
+
+
+def _told(row: Row) -> tuple[str, str]:
+    """ "55 % [18, 91]", "0.86 [0.73, 0.95]": what was learned and the score, where tasks are few without intervals."""
+    learned = [row[f"learned{part} [%]"] for part in ("", " 95 % interval low", " 95 % interval high")]
+    score = [row[f"score{part}"] for part in ("", " 95 % interval low", " 95 % interval high")]
+    return _with_ends(*(each and f"{float(each):.0f}" for each in learned), unit=" %"), _with_ends(
+        *(each and recorded.number(each, 2) for each in score)
+    )
+
+
+def _with_ends(value: str, low: str, high: str, unit: str = "") -> str:
+    return f"{value}{unit} [{low}, {high}]" if low else f"{value}{unit}"
 
 
 def many() -> str:

@@ -33,7 +33,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/findings.md": {
         "overlap-ends": page_reference.overlap_ends,
-        "survey": lambda: markdown(*survey.of_tasks()),
         "survey-across": lambda: markdown(*survey.across()),
         "survey-survived": survey.survived,
         "survey-planned": lambda: markdown(*survey.planned()),
@@ -46,7 +45,10 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "auto-verdicts": page_tasks.auto_verdicts,
         "auto-parts": page_tasks.auto_parts,
     },
-    "docs/explanation/suite.md": {"suite": page_suite.drawn, "suite-many": page_suite.many},
+    "docs/explanation/suite.md": {
+        "suite": page_suite.drawn,
+        "suite-many": page_suite.many,
+    },
     "docs/reference/tasks.md": {
         "field": page_tasks.field,
         "either-or": page_tasks.either_or,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from stlbench.records.result import LEARNED
@@ -79,10 +80,15 @@ def by_hand(folder: str = "reference") -> dict[str, float]:
 
 def scored(task: str, robustness: float) -> float:
     """0 for a policy that acts at random, 1 for the best known."""
+    return between(robustness, *_ends(task))
+
+
+@cache
+def _ends(task: str) -> tuple[float, float]:
     file = load_task(task).file
     assert file.baselines is not None
     assert file.best_known is not None
-    return between(robustness, file.baselines.random.robustness, file.best_known.robustness)
+    return file.baselines.random.robustness, file.best_known.robustness
 
 
 def between(value: float, low: float, high: float) -> float:

@@ -1,20 +1,18 @@
 """What trainings on the suite answer: what explains scores, what they depend on, whether a form tells the best method.
 
-python studies/suite_answers.py     write the scores that `stlbench advise` reads, and print the tables
+python studies/suite_answers.py     write the scores that `stlbench advise` reads; studies/pages.py writes the tables
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import combinations
 from pathlib import Path
 from statistics import fmean
 
 import numpy as np
-import page_suite
 import recorded
 from numpy.typing import NDArray
 from recorded import markdown
@@ -27,10 +25,10 @@ from stlbench_tasks import suite
 from stlbench_tasks.suite.formulas import FormulaSuite
 
 FOLDERS = ("suite-quick",)
-"""Of results; a task and method in several of them has the seeds of all."""
+"""Of results; what both have counts once."""
 SCORES = Path(suite.__file__).with_name("scores.json")
-SHOWN = ("funnel", "raw", "flag")
-"""Methods that pairs are made of."""
+SHOWN = ("funnel", "funnel[variant=code]", "raw", "flag", "bhnr", "dense", "cfer")
+"""The methods of core."""
 _RESAMPLES = 999
 
 
@@ -60,80 +58,82 @@ class Drawn:
 @cache
 def drawn() -> tuple[Drawn, ...]:
     """All tasks that a committed study has trained on."""
-    tasks, known = dict[str, dict[str, list[float]]](), FormulaSuite()
+    tasks, known = dict[str, dict[str, dict[str, float]]](), FormulaSuite()
     names = {f"suite-{name.replace('/', '-')}": name for name in known.names}
     for row in (row for folder in FOLDERS for row in recorded.table(folder, "cells")):
         if row["status"] == "done" and (row["budget"], row["track"]) == ("quick", "auto"):
             score = recorded.scored(row["task"], float(row["robustness_mean"]))
-            tasks.setdefault(names[row["task"]], {}).setdefault(row["method"], []).append(round(score, 4))
+            tasks.setdefault(names[row["task"]], {}).setdefault(row["method"], {})[row["seed"]] = round(score, 4)
     formulas = {name: stl.parse(known.candidate(name).content("")["formula"]) for name in tasks}
     return tuple(
-        Drawn(name, formulas[name], {method: tuple(own) for method, own in sorted(methods.items())})
+        Drawn(name, formulas[name], {method: tuple(own.values()) for method, own in sorted(methods.items())})
         for name, methods in sorted(tasks.items())
     )
 
 
 def components() -> str:
-    """One row per source of differences: its share of the variance of scores, on tasks that all three methods fit.
+    """One row per source of differences: its share of the variance of scores, on tasks that all `SHOWN` methods fit.
 
     Sums of squares are taken in this order, so what two sources share counts for the first. Intervals are from
     resamples of the tasks.
     """
     tasks = [task for task in drawn() if {*SHOWN} <= {*task.scores}]
     generator = np.random.default_rng(0)
-    resamples = [_shares([tasks[i] for i in generator.integers(len(tasks), size=len(tasks))]) for _ in range(199)]
+    resamples = [
+        _shares([tasks[i] for i in generator.integers(len(tasks), size=len(tasks))]) for _ in range(_RESAMPLES)
+    ]
     found = _shares(tasks)
     ends = np.quantile([list(each.values()) for each in resamples], [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
     body = [
         [source, f"{100 * share:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"]
         for (source, share), low, high in zip(found.items(), *ends, strict=True)
     ]
-    return markdown(["source", "share of the variance"], body)
+    return markdown([f"source, {len(tasks)} tasks", "share of the variance"], body, right=1)
 
 
 def _shares(tasks: Sequence[Drawn]) -> dict[str, float]:
-    runs = [
-        (place, method, score) for place, task in enumerate(tasks) for method in SHOWN for score in task.scores[method]
-    ]
-    scores = np.array([score for *_, score in runs])
-    groups = [tasks[place].group for place, *_ in runs]
-    sources = {
-        "template": [template for _, template in groups],
-        "system": [system for system, _ in groups],
-        "task": [str(place) for place, *_ in runs],
-        "method": [method for _, method, _ in runs],
-        "method and template": [
-            f"{template}/{method}" for (_, template), (_, method, _) in zip(groups, runs, strict=True)
-        ],
-        "method and system": [f"{system}/{method}" for (system, _), (_, method, _) in zip(groups, runs, strict=True)],
-        "method and task": [f"{place}/{method}" for place, method, _ in runs],
+    """Every method has as many seeds on every task, so differences between tasks and those within are apart."""
+    seeds = min(len(task.scores[method]) for task in tasks for method in SHOWN)
+    scores = np.array([[task.scores[method][:seeds] for method in SHOWN] for task in tasks])
+    means = scores.mean(axis=2)
+    of_tasks, within = means.mean(axis=1, keepdims=True), means - means.mean(axis=1, keepdims=True)
+    templates = _columns(template for _, template in (task.group for task in tasks))
+    systems = np.hstack([templates, _columns(system for system, _ in (task.group for task in tasks))])
+    nothing, constant = np.zeros((len(tasks), 1)), np.ones((len(tasks), 1))
+    left = [len(SHOWN) * _unexplained(of_tasks, columns) for columns in (constant, templates, systems)]
+    left += [0.0, *(_unexplained(within, columns) for columns in (nothing, constant, templates, systems))]
+    template, system, task, _, method, by_template, by_system = -np.diff(left)
+    of_seeds = float(((scores - means[..., None]) ** 2).sum()) / seeds
+    sums = {
+        **{"template": template, "system": system, "task": task, "method": method},
+        **{"method and template": by_template, "method and system": by_system, "method and task": left[-1]},
+        "seed": of_seeds,
     }
-    left, columns, shares = _unexplained(scores, np.ones((len(scores), 1))), np.ones((len(scores), 1)), {}
-    whole = left
-    for source, labels in sources.items():
-        kinds = {label: number for number, label in enumerate(dict.fromkeys(labels))}
-        columns = np.hstack([columns, np.eye(len(kinds))[[kinds[label] for label in labels]]])
-        rest = _unexplained(scores, columns)
-        shares[source], left = (left - rest) / whole, rest
-    return shares | {"seed": left / whole}
+    whole = sum(sums.values())
+    return {source: float(share / whole) for source, share in sums.items()}
 
 
-def _unexplained(scores: NDArray[np.float64], columns: NDArray[np.float64]) -> float:
-    fitted = columns @ np.linalg.lstsq(columns, scores, rcond=None)[0]
-    return float(((scores - fitted) ** 2).sum())
+def _columns(labels: Iterable[str]) -> NDArray[np.float64]:
+    """(labels, kinds): 1 where a label is of a kind."""
+    own = [*labels]
+    kinds = {label: number for number, label in enumerate(dict.fromkeys(own))}
+    return np.eye(len(kinds))[[kinds[label] for label in own]]
+
+
+def _unexplained(values: NDArray[np.float64], columns: NDArray[np.float64]) -> float:
+    """The sum of squares of what is left of the values (tasks, any) by the columns (tasks, any)."""
+    return float(((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2).sum())
 
 
 def slopes() -> str:
-    """One row per pair of methods: how the difference of their scores goes with the size of the task."""
+    """One row per method: how its difference of scores to `raw` goes with the size of the task (Spearman's)."""
     body = []
-    for one, other in combinations(SHOWN, 2):
-        both = [task for task in drawn() if {one, other} <= {*task.scores}]
-        differences = np.array([fmean(task.scores[one]) - fmean(task.scores[other]) for task in both])
-        sizes = {name: np.array([task.size[name] for task in both]) for name in both[0].size}
-        body.append(
-            [f"`{one}` less `{other}`", str(len(both)), *(_correlation(each, differences) for each in sizes.values())]
-        )
-    return markdown(["difference of scores", "tasks", *drawn()[0].size], body)
+    for method in (method for method in SHOWN if method != "raw"):
+        both = [task for task in drawn() if {method, "raw"} <= {*task.scores}]
+        differences = np.array([fmean(task.scores[method]) - fmean(task.scores["raw"]) for task in both])
+        sizes = [np.array([task.size[name] for task in both]) for name in both[0].size]
+        body.append([f"`{method}`", str(len(both)), *(_correlation(each, differences) for each in sizes)])
+    return markdown(["less `raw`", "tasks", *drawn()[0].size], body, right=4)
 
 
 def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
@@ -147,7 +147,8 @@ def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
         if len({*one[chosen]}) > 1
     ]
     low, high = np.quantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return f"{spearmanr(one, other).statistic:.2f} [{low:.2f}, {high:.2f}]"
+    value, low, high = (recorded.number(str(each), 2) for each in (spearmanr(one, other).statistic, low, high))
+    return f"{value} [{low}, {high}]"
 
 
 def held_out() -> str:
@@ -184,12 +185,9 @@ def scores() -> str:
 
 
 def main() -> None:
-    """Write it, and print what follows."""
+    """Write it."""
     SCORES.write_text(scores(), encoding="utf-8")
-    for folder in FOLDERS:
-        learned = (page_suite.methods(folder), page_suite.differences(folder), page_suite.groups(folder, "template"))
-        print(folder, *learned, sep="\n\n", end="\n\n")
-    print(SCORES, components(), slopes(), held_out(), sep="\n\n")
+    print(SCORES)
 
 
 if __name__ == "__main__":

@@ -27,8 +27,6 @@ FOLDER = "survey"
 _BOTH = ((FOLDER, "shared"), ("auto-survey", "auto"))
 """Folders and tracks: by hand and by rules."""
 
-_SEEDS = 5
-"""Of the study: only where a row has another number, an entry says it."""
 _COLOURS = COLOURS[0], COLOURS[4], COLOURS[1]
 """Blue where every seed learned, orange where some did, red where none did."""
 _PANELS_PER_ROW = 3
@@ -49,36 +47,6 @@ def order() -> tuple[tuple[str, ...], tuple[str, ...]]:
 def results(track: str = "shared") -> dict[tuple[str, str], list[Row]]:
     """Task and method -> its cells, by the task's own agent."""
     return {(task, method): rows for (task, method, _), rows in cells(FOLDER, track).items()}
-
-
-def entry(rows: Sequence[Row] | None) -> str:
-    """ "0.396 (5)", "0.396 (2 of 3), 2 timeout", "unsuitable"; empty where nothing was run.
-
-    Median robustness, then the seeds that learned the task.
-    """
-    if rows is None:
-        return ""
-    done = [row for row in rows if row["status"] == "done"]
-    others = Counter(row["status"] for row in rows if row["status"] != "done")
-    parts = [_of_seeds(Seeds.of(done))] if done else []
-    return ", ".join([*parts, *(status if not done else f"{count} {status}" for status, count in others.items())])
-
-
-def _of_seeds(seeds: Seeds) -> str:
-    count = len(seeds.robustness)
-    return f"{median(seeds.robustness):.3f} ({seeds.learned[0]}{'' if count == _SEEDS else f' of {count}'})"
-
-
-def of_tasks() -> tuple[list[str], list[list[str]]]:
-    """Header and lines, one line per method: what was learned of each task."""
-    found = results()
-    tasks, methods = order()
-    all_learned = f" ({_SEEDS})"  # is not said, as it is what most entries have
-    lines = [
-        [f"`{method}`", *(entry(found.get((task, method))).removesuffix(all_learned) for task in tasks)]
-        for method in methods
-    ]
-    return ["method", *(f"`{task}`" for task in tasks)], lines
 
 
 def planned() -> tuple[list[str], list[list[str]]]:

@@ -22,7 +22,24 @@ def test_the_columns_of_a_method_have_their_intervals(page: ModuleType) -> None:
         "score 95 % interval low": "0.73",
         "score 95 % interval high": "0.945",
     }
-    assert page._told(row, "learned [%]", "score") == ("54 % [18, 91]", "0.86 [0.73, 0.94]")
+    assert page._told(row) == ("54 % [18, 91]", "0.86 [0.73, 0.94]")
+    alone = {name: "" if "interval" in name else text for name, text in row.items()}
+    assert page._told(alone) == ("54 %", "0.86")
+
+
+def test_scores_are_less_those_of_raw_whichever_comes_first(page: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    def row(method: str, other: str, *numbers: str) -> dict[str, str]:
+        names = ("higher score", "score 95 % interval low", "score 95 % interval high")
+        return {"group": "tube", "method": method, "other": other} | dict(zip(names, numbers, strict=True))
+
+    tables = {
+        "differences": [row("flag", "raw", "-0.5", "-0.7", "-0.3"), row("raw", "sparse", "0.25", "", "")],
+        "groups": [{"by": "all", "method": method} for method in ("flag", "raw", "sparse")],
+    }
+    monkeypatch.setattr(page.recorded, "table", lambda _, name: tables[name])
+    assert page.forms("any").splitlines()[2:] == ["| `tube` | -0.50 [-0.70, -0.30] | -0.25 |"]
+    tables["differences"] = [row("raw", "flag", "0.5", "0.3", "0.7")]
+    assert page.forms("any").splitlines()[2:] == ["| `tube` | -0.50 [-0.70, -0.30] |  |"]
 
 
 def test_one_policy_for_many_formulas_stands_beside_policies_for_each(

@@ -26,7 +26,8 @@ def test_advise_reads_what_the_committed_studies_say(answers: ModuleType) -> Non
 def test_the_sources_of_differences(answers: ModuleType) -> None:
     """Scores that depend on one source alone are explained by it alone."""
     pairs = [(system, template) for system in ("arm", "pair") for template in ("reach", "patrol", "tube")]
-    by_method = [task(answers, f"{system}/{template}/1", funnel=0.9, raw=0.5, flag=0.1) for system, template in pairs]
+    own = {method: place / 10 for place, method in enumerate(answers.SHOWN)}
+    by_method = [task(answers, f"{system}/{template}/1", **own) for system, template in pairs]
     shares = answers._shares(by_method)
     assert sum(shares.values()) == pytest.approx(1)
     assert shares["method"] == pytest.approx(1)
@@ -36,3 +37,10 @@ def test_the_sources_of_differences(answers: ModuleType) -> None:
         for system, template in pairs
     ]
     assert answers._shares(by_template)["template"] == pytest.approx(1)
+    by_pair = [
+        task(answers, f"{system}/{template}/1", **dict.fromkeys(answers.SHOWN, 0.0) | {"raw": float(system == "arm")})
+        for system, template in pairs
+    ]
+    shares, methods = answers._shares(by_pair), len(answers.SHOWN)
+    by_hand = {"system": 1, "method": methods - 1, "method and system": methods - 1}  # of 2 m - 1 parts
+    assert {source: shares[source] * (2 * methods - 1) for source in by_hand} == pytest.approx(by_hand)

@@ -20,24 +20,6 @@ def test_every_method_takes_part(name: str) -> None:
     assert {method.name for method in study.methods} == pages
 
 
-def row(status: str, robustness: str = "", satisfaction: str = "") -> dict[str, str]:
-    return {
-        "status": status,
-        "robustness_mean": robustness,
-        "satisfaction": satisfaction,
-        "final_satisfaction": satisfaction,
-    }
-
-
-def test_an_entry_says_how_cells_ended_that_have_no_result() -> None:
-    done = [row("done", "0.5", "1"), row("done", "0.5", "0.5")]
-    assert survey.entry(done) == "0.500 (1 of 2)"
-    assert survey.entry([*done, *done, done[0]]) == "0.500 (3)"
-    assert survey.entry([row("unsuitable")] * 5) == "unsuitable"
-    assert survey.entry([*done, row("timeout")]).endswith("of 2), 1 timeout")
-    assert survey.entry(None) == ""
-
-
 def test_the_figure_has_a_panel_for_each_task_and_a_line_for_each_method() -> None:
     tasks, methods = survey.order()
     panels = [axes for axes in survey.draw().axes if axes.get_visible()]

@@ -25,6 +25,7 @@ from stlbench.report.figures.style import Colours, colours_of, fitting, now, pag
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
+from stlbench.report.tables.sampled import drawn
 from stlbench.report.tables.table import Width
 from stlbench.statistics.sampled import FEWEST
 
@@ -127,12 +128,15 @@ def svg_of(figure: Figure, source: str = "", *, alone: bool = False) -> bytes:
 
 
 ROWS_PER_FIGURE = 24  # groups that have a row each
+MOST_TASKS = 24
+"""A report of more tasks has no figures of single ones: each takes seconds, and nobody looks at hundreds."""
 
 
 def write_figures(report: Report, folder: Path, load: Load, width: Width) -> list[Path]:
     colours = colours_of(report.groups)
     with fitting(width):
-        of_tasks = drawings_of_tasks(report.learned, colours, load).values()
+        few = len({group.setting.task for group in report.learned}) <= MOST_TASKS
+        of_tasks = drawings_of_tasks(report.learned, colours, load).values() if few else ()
         drawings = [
             *(drawing for several in of_tasks for drawing in several),
             *drawings_across(report.fields, colours),
@@ -188,7 +192,15 @@ def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
         several = tuple(members)
         own = {entry.method: colours[entry.method] for entry in several[0].entries}
         drawings.append(Drawing(file_name("across", *kind), label, ("across", "across_tasks"), (several, own)))
-    return drawings + _ranks(fields, colours)
+    return drawings + _groups(fields) + _ranks(fields, colours)
+
+
+def _groups(fields: Sequence[Field]) -> list[Drawing]:
+    label = "What each method learned of each group of drawn tasks; the table of groups has the numbers"
+    return [
+        Drawing(file_name("groups", field.budget, field.track), label, ("groups", "groups"), (field,))
+        for field in drawn(fields)
+    ]
 
 
 def _ranks(fields: Sequence[Field], colours: Colours) -> list[Drawing]:

@@ -43,7 +43,7 @@ def drawn(fields: Iterable[Field]) -> list[Field]:
     return [field for field in first.values() if field.groups]
 
 
-class _Line(NamedTuple):
+class Line(NamedTuple):
     """A row of either table: over the tasks of a part that the method fits, or that both methods fit."""
 
     field: Field
@@ -55,7 +55,7 @@ class _Line(NamedTuple):
     score: Estimate
 
 
-_Columns = dict[Column, Callable[[_Line], Value]]
+_Columns = dict[Column, Callable[[Line], Value]]
 _WHERE: _Columns = {
     Column("budget", right=False, shared=True): lambda line: line.field.budget,
     Column("track", right=False, shared=True): lambda line: line.field.track,
@@ -83,19 +83,18 @@ def _numbers(fits: str, learned: str, score: str) -> _Columns:
     }
 
 
+def group_lines(field: Field) -> Iterator[Line]:
+    """One for each method on all tasks and on each group, of the methods that fit any of its tasks."""
+    for part in parts(field):
+        for entry in field.entries:
+            if own := _fitting(part, entry):
+                learned = sampled.share([entry.learned[place] for place in own])
+                yield Line(field, part, entry.method, "", len(own), learned, sampled.mean(_of(entry.scores, own)))
+
+
 def groups_table(fields: Iterable[Field]) -> Table:
-    """One row for each method on all tasks and on each group, of the methods that fit any of its tasks."""
-    lines = (
-        _Line(
-            *(field, part, entry.method, "", len(own)),
-            sampled.share([entry.learned[place] for place in own]),
-            sampled.mean(_of(entry.scores, own)),
-        )
-        for field in drawn(fields)
-        for part in parts(field)
-        for entry in field.entries
-        if (own := _fitting(part, entry))
-    )
+    """One row for each line of the first field of each budget and track."""
+    lines = (line for field in drawn(fields) for line in group_lines(field))
     notes = (
         "Learned: seeds whose policy satisfies from nearly all starts. Score: normalised robustness of the selected "
         "policies, 0 at random and 1 the best known. Both are means over the tasks that the method fits.",
@@ -109,7 +108,7 @@ def groups_table(fields: Iterable[Field]) -> Table:
 def pairs_table(fields: Iterable[Field]) -> Table:
     """One row for each two methods on all tasks and on each group, over the tasks that both fit."""
     lines = (
-        _Line(
+        Line(
             *(field, part, one.method, other.method, len(both)),
             sampled.difference(_of(one.learned, both), _of(other.learned, both)),
             sampled.difference(_of(one.scores, both), _of(other.scores, both)),

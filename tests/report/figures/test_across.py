@@ -6,6 +6,7 @@ import pytest
 
 from stlbench.report.figures.across import across_tasks, place, ticks
 from stlbench.report.figures.files import drawings_across
+from stlbench.report.figures.groups import groups
 from stlbench.report.figures.ranks import ranks
 from stlbench.report.figures.style import COLOURS
 from stlbench.report.tables.across import Entry, Field
@@ -88,17 +89,32 @@ def test_one_figure_for_each_budget_and_track(tmp_path):
 def drawn(methods, tasks):
     """A field of a suite: the first method is best on every task, the next second, and so on."""
     names = list(COLOURED)[:methods]
-    entries = tuple(Entry(name, ((1 - i / 10,) * 2,) * tasks, "") for i, name in enumerate(names))
+    learned = ((True, False),) * tasks
+    entries = tuple(Entry(name, ((1 - i / 10,) * 2,) * tasks, "", learned=learned) for i, name in enumerate(names))
     return Field("quick", "auto", tuple(map(str, range(tasks))), "all", entries, ({"system": "arm"},) * tasks)
 
 
 def test_ranks_are_drawn_of_three_methods_that_fit_eight_drawn_tasks():
     assert [each.name for each in drawings_across((drawn(3, 8),), COLOURED)] == [
         "across-quick-auto",
+        "groups-quick-auto",
         "ranks-quick-auto",
     ]
-    for field in (drawn(2, 8), drawn(3, 7), EVERY):
-        assert len(drawings_across((field,), COLOURED)) == 1
+    for field, count in ((drawn(2, 8), 2), (drawn(3, 7), 2), (EVERY, 1)):
+        assert len(drawings_across((field,), COLOURED)) == count
+
+
+def test_groups_of_drawn_tasks_have_a_figure() -> None:
+    """One row for each group, kinds apart; a method that fits no task of a group has no entry."""
+    first, second, third = drawn(3, 2).entries
+    none = Entry(third.method, ((), ()), "", learned=((), ()))
+    part = Entry(second.method, (second.scores[0], ()), "", learned=(second.learned[0], ()))
+    systems = ({"system": "arm"}, {"system": "pair"})
+    figure = groups(Field("quick", "auto", ("a", "b"), "all", (first, part, none), systems))
+    everything, by_system = figure.axes
+    assert [[text.get_text() for text in axes.get_yticklabels()] for axes in figure.axes] == [["all"], ["arm", "pair"]]
+    assert [text.get_text() for text in everything.texts] == ["50\n1.00", "50\n0.90"]
+    assert [text.get_position() for text in by_system.texts] == [(0, 0), (1, 0), (0, 1)]
 
 
 def test_methods_that_are_nearer_than_the_critical_difference_have_a_bar():

@@ -64,6 +64,15 @@ def test_names_of_figures(tmp_path: Path, results: Sequence[Result], names: set[
     assert {path.stem for path in draw_figures(condense(results), tmp_path)} == names
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_many_tasks_have_no_figures_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results = [result(task=task) for task in ("hold-disc", "pendulum")]
+    monkeypatch.setattr(files, "MOST_TASKS", 2)
+    assert {path.stem for path in draw_figures(condense(results), tmp_path)} >= {"robustness-pendulum"}
+    monkeypatch.setattr(files, "MOST_TASKS", 1)
+    assert draw_figures(condense(results), tmp_path) == []
+
+
 def test_a_report_names_the_unit_of_the_task() -> None:
     groups = condense([result(task="pendulum")])
     first, *_ = drawings_of_tasks(groups, colours_of(groups), load_task)[Choice("pendulum")]
