@@ -18,7 +18,7 @@ REFUSED = ("trivial", "unknown", "cramped")
 
 
 def drawn() -> str:
-    """One row per template: its tasks on each system, and how far the witness is from the bound; then what was refused."""
+    """One row per template: its tasks on each system, and the gap from witness to bound. Then what was refused."""
     accepted, refused = suite_table()["accepted"], suite_table()["refused"]
     body = []
     for template in (*TEMPLATES, "all"):
