@@ -75,35 +75,14 @@ def ablations(track: str = "shared") -> tuple[Ablation, ...]:
     return tuple(Ablation(*each, verdict) for each, verdict in zip(found, differences(pairs), strict=True))
 
 
-SHOWN = ("funnel", "raw")
-"""Methods in the table. All comparisons but one of `flag` are "cannot tell"."""
-SHOWN_PARTS = tuple(part for part in PARTS if part != "hold")
-"""Without `hold` only one task ran."""
 SIGNS = {"worse": " worse", "better": " better"}
 
 
-def lines() -> list[list[str]]:
-    """Lines of the table: task, method, the whole recipe, then the recipe without each part.
-
-    An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides. Tasks on
-    which no verdict decides are left out.
-    """
-    told = {each.task for each in ablations() if str(each.verdict) in SIGNS}
-    found = {(each.task, each.method): each.whole for each in ablations() if each.method in SHOWN and each.task in told}
-    without = {(each.task, each.method, each.part): each for each in ablations()}
-    return [
-        [
-            f"`{task}`",
-            f"`{method}`",
-            _short(whole),
-            *(_entry(without.get((task, method, part))) for part in SHOWN_PARTS),
-        ]
-        for (task, method), whole in sorted(found.items())
-    ]
-
-
 def derived() -> list[list[str]]:
-    """The same on the track `auto`, for `raw` and all tasks: task, all rules, then without each."""
+    """Lines of the table of `auto`, for `raw`: task, all rules, then without each.
+
+    An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides.
+    """
     found = {each.task: each.whole for each in ablations("auto")}
     without = {(each.task, each.part): each for each in ablations("auto")}
     return [

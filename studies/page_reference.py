@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import ablation
 import recorded
 from recorded import Row, estimate, markdown, number
 
@@ -92,11 +91,6 @@ def tracks() -> str:
     return markdown(["task", "method", *(f"`{track}`" for track in found)], body)
 
 
-def parts() -> str:
-    """One row per task and method: what is learned with the whole recipe, and without each of its parts."""
-    return markdown(["task", "method", "whole", *(f"`{part}`" for part in ablation.SHOWN_PARTS)], ablation.lines())
-
-
 def overlap_ends() -> str:
     """One row per method: what is learned on `overlap`, beside what was with early ends of episodes."""
     now, before = learned_by("shared"), recorded.table("overlap-ends", "robustness")
@@ -166,13 +160,3 @@ def measures() -> str:
             body.append([text, sampling, said[0], shown["funnel"], said[1], shown["flag"], shown["raw"]])
     header = ["measure", "sampling", "paper, funnel", "`funnel`", "paper, flag", "`flag`", "`raw`"]
     return markdown(header, body)
-
-
-def cost() -> str:
-    """One row per task: CPU seconds of a cell, mean over rivals and seeds, and the share that is not training."""
-    body, found, cells = [], learned_by("shared"), rows("cells")
-    for task in dict.fromkeys(task for task, _ in found):
-        own = [row for method in RIVALS for row in of_setting(cells, found[task, method])]
-        whole, training = (sum(float(row[name]) for row in own) for name in ("cpu_seconds", "training_cpu_seconds"))
-        body.append([f"`{task}`", f"{whole / len(own):.1f} s", f"{100 * (1 - training / whole):.0f} %"])
-    return markdown(["task", "a cell", "without training"], body, right=2)

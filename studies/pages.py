@@ -16,6 +16,7 @@ import page_suite
 import page_tasks
 import race
 import solve_foreign
+import suite_answers
 import survey
 from recorded import markdown
 
@@ -28,7 +29,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "verdicts": page_reference.verdicts,
         "across": page_reference.across,
         "tracks": page_reference.tracks,
-        "parts": page_reference.parts,
         "measures": page_reference.measures,
     },
     "docs/findings.md": {
@@ -47,6 +47,11 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/explanation/suite.md": {
         "suite": page_suite.drawn,
+        "suite-core": lambda: page_suite.methods("suite-core"),
+        "suite-forms": lambda: page_suite.forms("suite-core"),
+        "suite-sources": suite_answers.components,
+        "suite-sizes": suite_answers.slopes,
+        "suite-held-out": suite_answers.held_out,
         "suite-many": page_suite.many,
     },
     "docs/reference/tasks.md": {
@@ -54,7 +59,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "either-or": page_tasks.either_or,
         "baselines": page_tasks.baselines,
     },
-    "docs/performance-tables.md": {"cost": page_reference.cost},
     "paper/paper.md": {
         "scope": joss.scope,
         "limits": joss.limits,

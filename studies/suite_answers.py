@@ -19,12 +19,13 @@ from recorded import markdown
 
 from stlbench import stl
 from stlbench.report import evidence
+from stlbench.statistics import sampled
 from stlbench.statistics.intervals import LEVEL
 from stlbench.task.traits import traits
 from stlbench_tasks import suite
 from stlbench_tasks.suite.formulas import FormulaSuite
 
-FOLDERS = ("suite-quick",)
+FOLDERS = ("suite-core", "suite-quick")
 """Of results; what both have counts once."""
 SCORES = Path(suite.__file__).with_name("scores.json")
 SHOWN = ("funnel", "funnel[variant=code]", "raw", "flag", "bhnr", "dense", "cfer")
@@ -126,14 +127,15 @@ def _unexplained(values: NDArray[np.float64], columns: NDArray[np.float64]) -> f
 
 
 def slopes() -> str:
-    """One row per method: how its difference of scores to `raw` goes with the size of the task (Spearman's)."""
+    """How the score of `raw`, and how much more each other method has, goes with the size of the task (Spearman's)."""
     body = []
-    for method in (method for method in SHOWN if method != "raw"):
+    for method in ("raw", *(method for method in SHOWN if method != "raw")):
         both = [task for task in drawn() if {method, "raw"} <= {*task.scores}]
-        differences = np.array([fmean(task.scores[method]) - fmean(task.scores["raw"]) for task in both])
+        more = np.array([fmean(task.scores[method]) - (method != "raw") * fmean(task.scores["raw"]) for task in both])
         sizes = [np.array([task.size[name] for task in both]) for name in both[0].size]
-        body.append([f"`{method}`", str(len(both)), *(_correlation(each, differences) for each in sizes)])
-    return markdown(["less `raw`", "tasks", *drawn()[0].size], body, right=4)
+        name = "`raw`" if method == "raw" else f"`{method}` less `raw`"
+        body.append([name, str(len(both)), *(_correlation(each, more) for each in sizes)])
+    return markdown(["score", "tasks", *drawn()[0].size], body, right=4)
 
 
 def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
@@ -173,9 +175,16 @@ def held_out() -> str:
             chosen.setdefault("`advise`, else that", []).append(means[rows[0].method] if rows else means[favourite])
             chosen.setdefault("any method", []).append(fmean(means.values()))
             answered.append(bool(rows))
-    body = [[way, f"{fmean(own):.3f}", f"{fmean(best) - fmean(own):.3f}"] for way, own in chosen.items()]
+    body = [[way, f"{fmean(own):.3f}", _less(best, own)] for way, own in chosen.items()]
     share = f"`advise` answers for {100 * fmean(answered):.0f} % of the tasks."
-    return markdown(["choice", "score", "less than the best"], body) + f"\n\n{share}"
+    return markdown(["choice", "score", "less than the best"], body, right=2) + f"\n\n{share}"
+
+
+def _less(best: Sequence[float], own: Sequence[float]) -> str:
+    """The mean difference, with its interval over the tasks."""
+    value, ends = sampled.mean([np.array([most - each]) for most, each in zip(best, own, strict=True)])
+    assert ends is not None
+    return f"{value:.3f} [{ends.low:.3f}, {ends.high:.3f}]"
 
 
 def scores() -> str:

@@ -89,21 +89,19 @@ def _asked(row: Row | None) -> str:
 
 
 def across() -> tuple[list[str], list[list[str]]]:
-    """One line per method, those that fit the most tasks first: by hand and by rules, what it fits and how it ranks."""
+    """One line per method, those that fit the most tasks first: what it fits, and its score by hand and by rules."""
     hand, rules = (_aggregates(*of) for of in _BOTH)
     methods = sorted(hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"])))
-    shown = [(rows, *name) for name in (("rank", 1), ("mean", 2)) for rows in (hand, rules)]
     lines = [
         [
             f"`{method}`",
             hand[method]["fits"].partition(" ")[0],
-            *(estimate(rows[method], *name) for rows, *name in shown),
+            *(estimate(rows[method], "mean", 2) for rows in (hand, rules)),
         ]
         for method in methods
     ]
     assert all(rules[method]["fits"] == hand[method]["fits"] for method in methods)
-    columns = [f"{what} by {how}" for what in ("rank", "score") for how in ("hand", "rules")]
-    return ["method", "fits", *columns], lines
+    return ["method", "fits", "score by hand", "score by rules"], lines
 
 
 def survived() -> str:
