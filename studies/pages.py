@@ -33,7 +33,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/findings.md": {
         "overlap-ends": page_reference.overlap_ends,
-        "survey-across": lambda: markdown(*survey.across()),
         "survey-survived": survey.survived,
         "survey-planned": lambda: markdown(*survey.planned()),
     },
@@ -52,6 +51,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite-sources": suite_answers.components,
         "suite-sizes": suite_answers.slopes,
         "suite-held-out": suite_answers.held_out,
+        "suite-quick": lambda: page_suite.methods("suite-quick"),
         "suite-many": page_suite.many,
     },
     "docs/reference/tasks.md": {

@@ -14,7 +14,7 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Row, Seeds, by_hand, cells, estimate, first_field, recorded, table
+from recorded import Row, Seeds, by_hand, cells, first_field, recorded, table
 from scipy.stats import spearmanr
 
 from stlbench.report.figures.style import COLOURS
@@ -86,22 +86,6 @@ def _asked(row: Row | None) -> str:
         return "-"
     share = float(row["satisfied"])
     return f"{float(row['reward_optimal']):.3f}" + (f" ({100 * share:.0f} %)" if share < 1 else "")
-
-
-def across() -> tuple[list[str], list[list[str]]]:
-    """One line per method, those that fit the most tasks first: what it fits, and its score by hand and by rules."""
-    hand, rules = (_aggregates(*of) for of in _BOTH)
-    methods = sorted(hand, key=lambda one: (-int(hand[one]["fits"].partition(" ")[0]), float(hand[one]["rank"])))
-    lines = [
-        [
-            f"`{method}`",
-            hand[method]["fits"].partition(" ")[0],
-            *(estimate(rows[method], "mean", 2) for rows in (hand, rules)),
-        ]
-        for method in methods
-    ]
-    assert all(rules[method]["fits"] == hand[method]["fits"] for method in methods)
-    return ["method", "fits", "score by hand", "score by rules"], lines
 
 
 def survived() -> str:

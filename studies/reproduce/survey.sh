@@ -1,6 +1,6 @@
 # Every method on eight tasks, five seeds; a recipe for each method on three; and what each asks for, by planning.
 # CPU time: 3 hours
-# Makes: survey-across survey-survived survey-planned
+# Makes: survey-survived survey-planned
 plan() {
     stlbench run --results results/survey-alignment --seeds 0-0 "$@"
 }
