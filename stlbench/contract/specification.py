@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from stlbench import stl
 from stlbench.contract.arrays import Array, Truth
@@ -59,13 +59,11 @@ class Specification:
 
     def range(self, psi: stl.Formula) -> tuple[float, float]:
         """Sound bounds (rho_min, rho_max) of the robustness of `psi` over the box of the signals."""
-        if psi not in self._ranges:
-            box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
-            proven = stl.bounds(psi, box)
-            self._ranges[psi] = proven.low, proven.high
-        return self._ranges[psi]
+        return _proven(psi, tuple(zip(self.signals, self.low, self.high, strict=True)))
 
-    @cached_property
-    def _ranges(self) -> dict[stl.Formula, tuple[float, float]]:
-        """A cache, as every method asks for the ranges of all terms."""
-        return {}
+
+@lru_cache(maxsize=4096)
+def _proven(psi: stl.Formula, box: tuple[tuple[str, float, float], ...]) -> tuple[float, float]:
+    """Kept, as every method asks for the ranges of all terms."""
+    proven = stl.bounds(psi, {name: (low, high) for name, low, high in box})
+    return proven.low, proven.high

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, Literal, TypeVar
 
 from stlbench.contract import Intractable, Unsuitable
@@ -88,16 +87,10 @@ def payment(task: Choice, track: Track, method: str) -> Question[Paid | None]:
 
 def _paid(choice: Choice, track: Track, method: str) -> Paid | None:
     try:
-        return payments(build_method(_asked(choice, track), method))
+        task = load_task(choice)
+        return payments(build_method(for_every_method(task, task.own_agent, track), method))
     except (Intractable, Unsuitable, UsageError):
         return None
-
-
-@lru_cache(maxsize=1)
-def _asked(choice: Choice, track: Track) -> Task:
-    """Kept for the next method: all methods ask for the same ranges, which a task keeps."""
-    task = load_task(choice)
-    return for_every_method(task, task.own_agent, track)
 
 
 _OF_SCORES: tuple[Callable[[Choice], Question[Any]], ...] = (by_hand, at_random, constant_actions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -46,16 +47,14 @@ def groups(field: Field) -> Figure:
 
 def _panel(axes: Axes, lines: list[Line], methods: list[str]) -> None:
     names = list(dict.fromkeys(line.part.group for line in lines))
+    shares = np.full((len(names), len(methods)), np.nan)
     for line in lines:
-        place, row = methods.index(line.method), names.index(line.part.group)
-        share = line.learned.value
-        axes.imshow([[share]], cmap=_MAP, vmin=0, vmax=1.1, extent=(place - 0.5, place + 0.5, row + 0.5, row - 0.5))
+        row, place = names.index(line.part.group), methods.index(line.method)
+        shares[row, place] = share = line.learned.value
         text = f"{100 * share:.0f}\n{line.score.value:.2f}"
         colour = _PALE if share > 0.6 else _DARK
         axes.text(place, row, text, ha="center", va="center", color=colour, fontsize=now().tiny, linespacing=1.0)
-    axes.set_aspect("auto")
-    axes.set_xlim(-0.5, len(methods) - 0.5)
-    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.imshow(shares, cmap=_MAP, vmin=0, vmax=1.1, aspect="auto")
     axes.set_yticks(range(len(names)), names)
     axes.tick_params(length=0)
     for side in axes.spines.values():
