@@ -15,7 +15,8 @@ For each system and template it tries candidates in turn until `count` are accep
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
 followed by the local search over held actions of `best_known.py`. What is there already is kept: the same command goes
 on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
-With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each. With `--exact` it solves
+With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each: half of them by the
+gradient of a smooth robustness, half by the local search. With `--exact` it solves
 a mixed-integer program for each start of these tasks, within so many seconds: its actions replace worse ones of the
 witness, and what it proves may lower the bound. It is for linear systems, and too large where F stands inside of G.
 """
@@ -34,6 +35,7 @@ import numpy as np
 from best_known import replay, search, taken
 from suite_bounds import Reach, upper_bound
 from suite_drives import witness
+from suite_gradient import ascend
 from suite_linear import optimum
 
 import stlbench_tasks.suite
@@ -127,11 +129,13 @@ def tighten(systems: list[str], table: dict[str, Any]) -> None:
 
 
 def search_on(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
-    """Change actions of the stored witnesses of some tasks at random, and keep what is better."""
+    """Better witnesses of some tasks, by the gradient and by changes at random."""
     for name, task, row in named(parts, table, stored):
         assert isinstance(task.actions, ActionGrid)
-        before = task.actions.vectors[stored[name]]
-        keep(name, task, row, search(task, task.starts.report_and_selection()[0], before, seconds), stored)
+        begun, before = task.starts.report_and_selection()[0], task.actions.vectors[stored[name]]
+        found = search(task, begun, ascend(task, begun, before, seconds / 2), seconds / 2)
+        keep(name, task, row, found, stored)
+        write(table, stored)
 
 
 def solve(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
