@@ -107,5 +107,5 @@ _SETTINGS = {("1", 1): "one", ("1", 4): "one, 4 times the steps", ("8", 4): "8, 
 
 
 def _reached(rows: Sequence[Row]) -> str:
-    scores = [recorded.between(*(float(row[name]) for name in ("robustness", "random", "witness"))) for row in rows]
+    scores = [recorded.scored(row["test"], float(row["robustness"])) for row in rows]
     return f"{100 * fmean(float(row['satisfied']) for row in rows):.0f} %, {recorded.number(str(fmean(scores)), 2)}"

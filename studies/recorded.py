@@ -80,7 +80,8 @@ def by_hand(folder: str = "reference") -> dict[str, float]:
 
 def scored(task: str, robustness: float) -> float:
     """0 for a policy that acts at random, 1 for the best known."""
-    return between(robustness, *_ends(task))
+    at_random, best = _ends(task)
+    return (robustness - at_random) / (best - at_random)
 
 
 @cache
@@ -89,11 +90,6 @@ def _ends(task: str) -> tuple[float, float]:
     assert file.baselines is not None
     assert file.best_known is not None
     return file.baselines.random.robustness, file.best_known.robustness
-
-
-def between(value: float, low: float, high: float) -> float:
-    """0 at `low`, 1 at `high`."""
-    return (value - low) / (high - low)
 
 
 def number(text: str, digits: int = 3) -> str:
