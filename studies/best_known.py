@@ -79,8 +79,11 @@ def taken(task: Task, vectors: Array) -> Integers | Array:
     return nearest(task.actions, vectors.reshape(-1, vectors.shape[-1])).reshape(vectors.shape[:-1])
 
 
-def _robustness(task: Task, begun: Array, sequences: Array) -> Array:
-    return np.array(referee.score(task, _traces(task, begun, sequences)).robustness)
+def robustness_of(task: Task, begun: Array, sequences: Array) -> Array:
+    """What the referee's score has (N,), without the time that its other numbers take."""
+    traces = _traces(task, begun, sequences)
+    robustness: Array = judge(task.formula, traces, task.specification, task.file.terminated).robustness[:, 0]
+    return robustness
 
 
 def by_hand(task: Task, begun: Array) -> Array:
@@ -91,7 +94,7 @@ def by_hand(task: Task, begun: Array) -> Array:
         vectors = simulator.world.by_hand(simulator.t)
         return np.tile(zero, (len(begun), 1)) if vectors is None else np.asarray(vectors, dtype=np.float64)
 
-    return _recorded(task, begun, act)
+    return actions_of(task, begun, act)
 
 
 def driven(task: Task, begun: Array) -> list[Array]:
@@ -99,7 +102,7 @@ def driven(task: Task, begun: Array) -> list[Array]:
     if task.name not in _WAYS:
         return []
     manners = product(_AHEAD, _SPEEDS, _NEAR_POINT)
-    return [_recorded(task, begun, _drive(task, begun, np.array(_WAYS[task.name]), *manner)) for manner in manners]
+    return [actions_of(task, begun, _drive(task, begun, np.array(_WAYS[task.name]), *manner)) for manner in manners]
 
 
 def _drive(
@@ -140,7 +143,7 @@ def planned(task: Task, begun: Array) -> Array:
         vectors: Array = task.actions.vectors[chosen]
         return vectors
 
-    return _recorded(task, begun, act)
+    return actions_of(task, begun, act)
 
 
 def learned(task: Task, begun: Array, folder: Path) -> list[Array]:
@@ -154,14 +157,16 @@ def _of_policy(task: Task, method: RewardMethod, policy: Policy, begun: Array) -
         chosen = policy.act(simulator.observe())
         return task.actions.vectors[chosen] if isinstance(task.actions, ActionGrid) else chosen
 
-    return _recorded(task, begun, act, method)
+    return actions_of(task, begun, act, method)
 
 
 def _no_environment(count: int) -> Environment:
     raise AssertionError("a plan steps no environment")
 
 
-def _recorded(task: Task, begun: Array, act: Callable[[Simulator], Array], method: RewardMethod | None = None) -> Array:
+def actions_of(
+    task: Task, begun: Array, act: Callable[[Simulator], Array], method: RewardMethod | None = None
+) -> Array:
     """The held actions (N, decisions, axes) of what acts, by the inputs of a method."""
     acted = list[Array]()
 
@@ -176,13 +181,11 @@ def _recorded(task: Task, begun: Array, act: Callable[[Simulator], Array], metho
 def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int = 0) -> Array:
     """Sequences (N, decisions, axes) that are no worse from any of the starts, after so many CPU seconds."""
     generator, clock = np.random.default_rng(seed), time.process_time
-    best, end, said = _robustness(task, begun, sequences), clock() + seconds, clock()
+    best, end, said = robustness_of(task, begun, sequences), clock() + seconds, clock()
     rows = np.arange(len(begun))
     while clock() < end:
-        tried = np.repeat(sequences, _TRIES, axis=0)
-        for each in tried:
-            _change(each, task.actions, generator)
-        found = _robustness(task, np.repeat(begun, _TRIES, axis=0), tried).reshape(len(begun), _TRIES)
+        tried = _changed(np.repeat(sequences, _TRIES, axis=0), task.actions, generator)
+        found = robustness_of(task, np.repeat(begun, _TRIES, axis=0), tried).reshape(len(begun), _TRIES)
         winner = found.argmax(axis=1)
         better = found[rows, winner] >= best
         winners = tried.reshape(len(begun), _TRIES, *tried.shape[1:])[rows, winner]
@@ -194,30 +197,35 @@ def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int
     return sequences
 
 
-def _change(sequence: Array, actions: Actions, generator: np.random.Generator) -> None:
-    """Change a sequence (decisions, axes) in place, mostly so that what follows is moved and not turned.
+def _changed(sequences: Array, actions: Actions, generator: np.random.Generator) -> Array:
+    """Each of the sequences (N, decisions, axes) changed, mostly so that what follows is moved and not turned.
 
     Either all actions between two decisions come one decision sooner or later; or one axis has more for some decisions,
     and most often as much less for as many others.
     """
-    decisions, axes = sequence.shape
-    first, second = generator.integers(decisions, size=2)
-    if generator.random() < _SHIFTED:
-        low, high = min(first, second), max(first, second) + 1
-        sequence[low:high] = np.roll(sequence[low:high], generator.choice((-1, 1)), axis=0)
-        return
-    axis, length = generator.integers(axes), 1 + int(generator.exponential(1.0))
-    if generator.random() < _NEAR:
-        second = first + generator.integers(-8, 9)
-    span = actions.high[axis] - actions.low[axis]
+    count, decisions, axes = sequences.shape
+    rows, places = np.arange(count), np.arange(decisions)[None]
+    first, second = generator.integers(decisions, size=(2, count, 1))
+    shifted = generator.random((count, 1)) < _SHIFTED
+    low, high = np.minimum(first, second), np.maximum(first, second) + 1
+    sooner = low + (places - low + generator.choice((-1, 1), (count, 1))) % (high - low)
+    moved = shifted & (places >= low) & (places < high)
+    changed: Array = sequences[rows[:, None], np.where(moved, sooner, places)]
+    axis, length = generator.integers(axes, size=count), 1 + generator.exponential(1.0, (count, 1)).astype(np.int64)
+    near = generator.random((count, 1)) < _NEAR
+    second = np.where(near, np.maximum(first + generator.integers(-8, 9, (count, 1)), 0), second)
+    lower, upper = np.array(actions.low), np.array(actions.high)
+    span = (upper - lower)[axis]
     if isinstance(actions, ActionGrid):
-        change = generator.choice((-1, 1)) * generator.choice((1, 1, 2, 3)) * span / (actions.shape[axis] - 1)
+        steps = generator.choice((-1, 1), count) * generator.choice((1, 1, 2, 3), count)
+        change = steps * span / (np.array(actions.shape)[axis] - 1)
     else:
-        change = span * generator.normal() * 10 ** generator.uniform(-3, -0.5)
-    sequence[first : first + length, axis] += change
-    if generator.random() < _UNDONE:
-        sequence[max(second, 0) : max(second, 0) + length, axis] -= change
-    np.clip(sequence[:, axis], actions.low[axis], actions.high[axis], out=sequence[:, axis])
+        change = span * generator.normal(size=count) * 10 ** generator.uniform(-3, -0.5, count)
+    undone = generator.random((count, 1)) < _UNDONE
+    more = ((places >= first) & (places < first + length)).astype(np.float64)
+    more -= undone & (places >= second) & (places < second + length)
+    changed[rows, :, axis] += np.where(shifted, 0.0, change[:, None] * more)
+    return np.clip(changed, lower, upper)
 
 
 def bound_by_start(task: Task) -> float:
@@ -246,7 +254,7 @@ def main() -> None:
     found = [zero, by_hand(task, begun), *driven(task, begun)]
     found += [each for each in (kept(task), planned(task, begun) if said.plan else None) if each is not None]
     found += learned(task, begun, said.policies) if said.policies else []
-    values = np.stack([_robustness(task, begun, each) for each in found])
+    values = np.stack([robustness_of(task, begun, each) for each in found])
     print("to begin with:", ", ".join(f"{value.mean():.5f}" for value in values))
     best = np.stack(found)[values.argmax(axis=0), np.arange(len(begun))]
     best = search(task, begun, best, said.seconds, said.seed).astype(np.float32)

@@ -6,7 +6,7 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from best_known import _recorded, _robustness, search, taken
+from best_known import actions_of, robustness_of, search, taken
 from scipy import linalg
 
 from stlbench.contract import ActionGrid, Array
@@ -46,7 +46,7 @@ class Drives:
                 aims.append(way[rows, at[point]])
             return steer(self.scene.system, simulator.state, np.concatenate(aims, axis=1))
 
-        return _recorded(self.task, self.begun, act)
+        return actions_of(self.task, self.begun, act)
 
     def _way(self, point: int, numbers: Array, tours: Array) -> tuple[Array, Array, Array]:
         """Way points (N, W, 2) of one point, how near each counts, and the step before which it is not left."""
@@ -134,7 +134,7 @@ def witness(task: Task, scene: Scene, seconds: float) -> Array:
     for round_ in range(_ROUNDS):
         numbers = mean + spread * generator.normal(size=shape)
         actions = drives(numbers.reshape(-1, *shape[2:]), tours.ravel())
-        found = _robustness(task, drives.begun, actions).reshape(shape[:2])
+        found = robustness_of(task, drives.begun, actions).reshape(shape[:2])
         order = np.argsort(-found, axis=1)
         top = np.take_along_axis(found, order[:, :1], axis=1)[:, 0]
         better = top > robustness

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
-from best_known import _robustness, taken
+from best_known import robustness_of, taken
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
@@ -34,7 +34,7 @@ def ascend(task: Task, begun: Array, sequences: Array, seconds: float) -> Array:
     Raises `ValueError` for a formula with operators that the suite does not draw.
     """
     low, high, begin = np.array(task.actions.low), np.array(task.actions.high), time.process_time()
-    best, robustness = sequences.copy(), _robustness(task, begun, sequences)
+    best, robustness = sequences.copy(), robustness_of(task, begun, sequences)
     top, reached, rates = sequences.copy(), _exact(task, begun, sequences), np.full((len(begun), 1, 1), _RATE)
     for number, k in enumerate(_TEMPERATURES, 1):
         actions, first, second, count = top.copy(), np.zeros_like(top), np.zeros_like(top), 0
@@ -52,7 +52,7 @@ def ascend(task: Task, begun: Array, sequences: Array, seconds: float) -> Array:
                 actions[down], first[down] = top[down], 0.0
                 rates[down] /= 2
         for tried in (rounded(task, top), followed(task, begun, top)):
-            value = _robustness(task, begun, tried)
+            value = robustness_of(task, begun, tried)
             better = value > robustness
             best[better], robustness[better] = tried[better], value[better]
         rates = np.minimum(2 * rates, _RATE)

@@ -62,6 +62,6 @@ def test_ascending_makes_no_start_worse() -> None:
     task, begun, actions = drawn("arm/tube/0")
     before = FOUND.rounded(task, actions)
     found = FOUND.ascend(task, begun, before, 0.5)
-    value, was = (FOUND._robustness(task, begun, each) for each in (found, before))
+    value, was = (FOUND.robustness_of(task, begun, each) for each in (found, before))
     assert (value >= was).all()
     assert value.mean() > was.mean() + 0.1
