@@ -15,8 +15,8 @@ For each system and template it tries candidates in turn until `count` are accep
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
 followed by the local search over held actions of `best_known.py`. What is there already is kept: the same command goes
 on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
-With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each: half of them by the
-gradient of a smooth robustness, half by the local search. With `--exact` it solves
+With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each: two thirds of
+them by the gradient of a smooth robustness, one by the local search. With `--exact` it solves
 a mixed-integer program for each start of these tasks, within so many seconds: its actions replace worse ones of the
 witness, and what it proves may lower the bound. It is for linear systems, and too large where F stands inside of G.
 """
@@ -35,7 +35,7 @@ import numpy as np
 from best_known import replay, search, taken
 from suite_bounds import Reach, upper_bound
 from suite_drives import witness
-from suite_gradient import ascend
+from suite_gradient import improved
 from suite_linear import optimum
 
 import stlbench_tasks.suite
@@ -133,7 +133,7 @@ def search_on(parts: list[str], seconds: float, table: dict[str, Any], stored: d
     for name, task, row in named(parts, table, stored):
         assert isinstance(task.actions, ActionGrid)
         begun, before = task.starts.report_and_selection()[0], task.actions.vectors[stored[name]]
-        found = search(task, begun, ascend(task, begun, before, seconds / 2), seconds / 2)
+        found = search(task, begun, improved(task, begun, before, 2 * seconds / 3), seconds / 3)
         keep(name, task, row, found, stored)
         write(table, stored)
 

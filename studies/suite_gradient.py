@@ -1,18 +1,21 @@
-"""Ascent of a smooth robustness over continuous actions, which are then brought to the grid.
+"""Better actions by the gradient of a smooth robustness, for systems that are pure functions of state and action.
 
-The minima and maxima are those of `semantics="smooth"`: log-sum-exp with temperature k (Pant, Abbas and Mangharam,
-2017). torch differentiates the formula; central differences give the derivatives of margins, signals and steps; the
-adjoint equation brings them back along the course. A system must be a pure function of state and action.
+1. `ascend` improves continuous actions. It replaces minima and maxima by log-sum-exp (Pant, Abbas and Mangharam, CCTA
+   2017) and linearises the system along the course. It changes actions with feedback from the state, as differential
+   dynamic programming does (Li and Todorov, ICINCO 2004), so a pole that falls over stays up.
+2. `follow` brings the course to the grid: at each decision it takes the action after which the rest of the course is
+   cheapest to follow by a linear regulator. Many tries, each with some noise in these costs, are scored exactly.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import torch
-from best_known import robustness_of, taken
+from best_known import robustness_of
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
@@ -20,105 +23,188 @@ from stlbench.stl.language.syntax import Connective, Window
 from stlbench.task import Task
 
 _TEMPERATURES = (50.0, 100.0, 200.0)
-_RATE, _CHECK, _WORSE = 0.01, 10, 0.02
-"""By what share of its range an action changes; after how many steps the robustness is looked at; a loss undone."""
-_STATE = 0.2
-"""What a scaled state counts beside the signals, where a course on the grid follows one that is continuous."""
-_DIFFERENCE = 1e-6
-_NEVER = 1e3
+_LENGTHS = np.array([1.0, 0.5, 0.25, 0.1, 0.03])
+"""How much of a change is tried."""
+_LEAST, _PATIENCE = 1e-4, 5
+"""A gain of the mean, in so many changes, with which a temperature is done."""
+_STATE, _EFFORT = 0.2, 1e-2
+"""What following weighs beside the signals: each number of the state, and each action over its range."""
+_TRIES = 16
+_DIFFERENCE, _NEVER = 1e-6, 1e3
 
 
-def ascend(task: Task, begun: Array, sequences: Array, seconds: float) -> Array:
+class Course(NamedTuple):
+    """Continuous actions (N, decisions, axes), and the states (N, T + 1, n) that they lead to."""
+
+    actions: Array
+    states: Array
+
+
+class Model(NamedTuple):
+    """A system along a course, decision by decision: x' = A x + B u for small changes of its state and action.
+
+    `by_state` (N, T + 1, n) are derivatives of the smooth robustness; `value` (N,) is that robustness.
+    """
+
+    value: Array
+    by_state: Array
+    a: Array  # (N, T, n, n), for each step
+    b: Array  # (N, T, n, axes)
+
+
+def improved(task: Task, begun: Array, sequences: Array, seconds: float) -> Array:
     """Sequences (N, decisions, axes) of the grid that are no worse from any start, after so many CPU seconds.
 
     Raises `ValueError` for a formula with operators that the suite does not draw.
     """
-    low, high, begin = np.array(task.actions.low), np.array(task.actions.high), time.process_time()
+    begin = time.process_time()
+    course = ascend(task, begun, sequences, begin + seconds / 2)
+    return follow(task, begun, course, sequences, begin + seconds)
+
+
+def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
+    """A course from each start with a greater smooth robustness, found before `end` (CPU seconds of the process)."""
+    course = Course(sequences.copy(), _states(task, begun, sequences))
+    span, n, rows = np.subtract(task.actions.high, task.actions.low), course.states.shape[2], np.arange(len(begun))
+    effort, wide = np.ones(len(begun)), np.repeat(begun, len(_LENGTHS), axis=0)
+    for k in _TEMPERATURES:
+        value, gains = _values(task, course.states, k), list[float]()
+        while time.process_time() < end and (len(gains) < _PATIENCE or sum(gains[-_PATIENCE:]) > _LEAST):
+            model = linearised(task, course, k)
+            steps = _decisions(task, model)
+            own = effort[:, None, None, None] * np.tile(np.eye(n), (1, steps.a.shape[1] + 1, 1, 1))
+            change, gain, _ = _regulator(steps, own, effort[:, None, None] * np.diag(span**-2.0))
+            before = (course.actions, course.states, change, gain)
+            tried = _moved(task, wide, *(np.repeat(each, len(_LENGTHS), axis=0) for each in before))
+            found = np.nan_to_num(_values(task, tried.states, k), nan=-np.inf).reshape(len(begun), -1)
+            best = found.argmax(axis=1)
+            better = found[rows, best] > value
+            at = (rows * len(_LENGTHS) + best)[better]
+            course.actions[better], course.states[better] = tried.actions[at], tried.states[at]
+            gains.append(float(np.maximum(found[rows, best] - value, 0).mean()))
+            value = np.maximum(value, found[rows, best])
+            easier = np.where(best == 0, 1 / 3, np.where(best > 1, 2.0, 1.0))
+            effort = np.clip(effort * np.where(better, easier, 5.0), 1e-4, 1e8)
+    return course
+
+
+def follow(task: Task, begun: Array, course: Course, sequences: Array, end: float) -> Array:
+    """The best actions of the grid (N, decisions, axes) that were found before `end`; at least one try of each.
+
+    They follow a course, or are the sequences where these are better.
+    """
     best, robustness = sequences.copy(), robustness_of(task, begun, sequences)
-    top, reached, rates = sequences.copy(), _exact(task, begun, sequences), np.full((len(begun), 1, 1), _RATE)
-    for number, k in enumerate(_TEMPERATURES, 1):
-        actions, first, second, count = top.copy(), np.zeros_like(top), np.zeros_like(top), 0
-        while time.process_time() - begin < seconds * number / len(_TEMPERATURES):
-            count += 1
-            slope = gradient(task, begun, actions, k)[1]
-            slope /= np.sqrt((slope**2).mean(axis=(1, 2), keepdims=True)) + 1e-12
-            first, second = 0.9 * first + 0.1 * slope, 0.99 * second + 0.01 * slope**2
-            change = first / (1 - 0.9**count) / (np.sqrt(second / (1 - 0.99**count)) + 1e-12)  # Adam
-            actions = np.clip(actions + rates * (high - low) * change, low, high)
-            if count % _CHECK == 0:
-                value = _exact(task, begun, actions)
-                up, down = value > reached, value < reached - _WORSE
-                top[up], reached[up] = actions[up], value[up]
-                actions[down], first[down] = top[down], 0.0
-                rates[down] /= 2
-        for tried in (rounded(task, top), followed(task, begun, top)):
-            value = robustness_of(task, begun, tried)
-            better = value > robustness
-            best[better], robustness[better] = tried[better], value[better]
-        rates = np.minimum(2 * rates, _RATE)
-    return best
+    cost, generator, rows = _cost(task, course), np.random.default_rng(0), np.arange(len(begun))
+    wide = [np.repeat(each, _TRIES, axis=0) for each in (begun, course.states, cost)]
+    noise = np.tile([0.0, *np.geomspace(0.03, 1.0, _TRIES - 1)], len(begun))
+    while True:
+        tried = _followed(task, *wide, noise, generator)
+        found = robustness_of(task, wide[0], tried).reshape(len(begun), _TRIES)
+        top = found.argmax(axis=1)
+        better = found[rows, top] > robustness
+        best[better], robustness[better] = tried[rows * _TRIES + top][better], found[rows, top][better]
+        if time.process_time() >= end:
+            return best
 
 
-def gradient(task: Task, begun: Array, actions: Array, k: float) -> tuple[Array, Array]:
-    """The smooth robustness (N,) from each start, and its derivatives by the actions (N, decisions, axes)."""
-    system, steps, hold = task.system, task.file.steps, task.file.hold
-    states = _course(task, begun, actions)
-    shape, n = states.shape[:2], states.shape[2]
-    flat = states.reshape(-1, n)
-    signals = system.signals(flat)
-    margins = dict[stl.Formula, torch.Tensor]()
-    for each in dict.fromkeys(_predicates(task.formula)):
-        values = stl.margin(each, task.signals)(signals).reshape(shape)
-        margins[each] = torch.tensor(values, requires_grad=True)
-    smooth = _smooth(task.formula, margins, k, False)[:, 0]
-    smooth.sum().backward()  # type: ignore[no-untyped-call]
-    by_signals = np.zeros((len(flat), 1, signals.shape[1]))
-    for each, values in margins.items():
-        assert values.grad is not None
-        slopes = _derivatives(stl.margin(each, task.signals), signals)
-        by_signals += values.grad.numpy().reshape(-1, 1, 1) * slopes
-    by_state = (by_signals @ _derivatives(system.signals, flat)).reshape(*shape, n)
-    taking = np.concatenate([states[:, :-1], np.repeat(actions, hold, axis=1)[:, :steps]], axis=2)
-    moving = _derivatives(lambda both: system.step(both[:, :n], both[:, n:]), taking.reshape(-1, taking.shape[2]))
-    moves, slope, back = moving.reshape(len(begun), steps, n, -1), np.zeros_like(actions), by_state[:, -1]
-    for t in reversed(range(steps)):
-        earlier = (back[:, None] @ moves[:, t])[:, 0]
-        slope[:, t // hold] += earlier[:, n:]
-        back = by_state[:, t] + earlier[:, :n]
-    return smooth.detach().numpy(), slope
-
-
-def rounded(task: Task, actions: Array) -> Array:
-    """The nearest actions of the grid, where what was lost by rounding is made up for by the next."""
+def _followed(
+    task: Task, begun: Array, states: Array, cost: Array, noise: Array, generator: np.random.Generator
+) -> Array:
+    """Actions (N, decisions, axes) of the grid by costs (N, decisions + 1, n, n) of being off states (N, T + 1, n)."""
     assert isinstance(task.actions, ActionGrid)
-    found, owed = np.empty_like(actions), np.zeros_like(actions[:, 0])
-    pitch = np.array([axis[1] - axis[0] for axis in task.actions.axes])
-    for decision in range(actions.shape[1]):
-        wanted = actions[:, decision] + owed
-        found[:, decision] = task.actions.vectors[taken(task, wanted)]
-        owed = np.clip(wanted - found[:, decision], -pitch, pitch)
-    return found
-
-
-def followed(task: Task, begun: Array, actions: Array) -> Array:
-    """At each decision the action of the grid after which the course is nearest to that of continuous actions."""
-    assert isinstance(task.actions, ActionGrid)
-    grid, rows, hold = task.actions.vectors, np.arange(len(begun)), task.file.hold
-    wanted, found, state = _course(task, begun, actions)[:, hold::hold], np.empty_like(actions), begun
-    tried = np.tile(grid, (len(begun), 1))
-    for decision in range(actions.shape[1]):
-        states = np.repeat(state, len(grid), axis=0)
+    grid, count, hold = task.actions.vectors, len(begun), task.file.hold
+    found, state, held = list[Array](), begun, np.tile(grid, (count, 1))
+    for decision in range(1, cost.shape[1]):
+        after = np.repeat(state, len(grid), axis=0)
         for _ in range(hold):
-            states = task.system.step(states, tried)
-        goal = np.repeat(wanted[:, decision], len(grid), axis=0)
-        off = np.square(task.system.signals(states) - task.system.signals(goal)).sum(axis=1)
-        scaled = task.system.scaled_state(states) - task.system.scaled_state(goal)
-        choice = (off + np.square(_STATE * scaled).sum(axis=1)).reshape(len(begun), -1).argmin(axis=1)
-        found[:, decision], state = grid[choice], states.reshape(len(begun), len(grid), -1)[rows, choice]
-    return found
+            after = task.system.step(after, held)
+        after = after.reshape(count, len(grid), -1)
+        off = after - states[:, None, decision * hold]
+        costs = ((off @ cost[:, decision]) * off).sum(axis=2)
+        best = (costs * np.exp(noise[:, None] * generator.normal(size=costs.shape))).argmin(axis=1)
+        found.append(grid[best])
+        state = after[np.arange(count), best]
+    return np.stack(found, axis=1)
 
 
-def _course(task: Task, begun: Array, actions: Array) -> Array:
+def _cost(task: Task, course: Course) -> Array:
+    """What it costs a regulator to be off the course by one, at each decision: (N, decisions + 1, n, n)."""
+    states, hold = course.states[:, :: task.file.hold], task.file.hold
+    n, span = states.shape[2], np.subtract(task.actions.high, task.actions.low)
+    moves = _moves(task, course)
+    still = Model(np.zeros(len(states)), np.zeros_like(course.states), moves[..., :n], moves[..., n:])
+    seen = _derivatives(task.system.signals, states.reshape(-1, n)).reshape(*states.shape[:2], -1, n)
+    own = seen.transpose(0, 1, 3, 2) @ seen + _STATE**2 * np.eye(n)
+    assert course.states.shape[1] == hold * course.actions.shape[1] + 1
+    return _regulator(_decisions(task, still), own, _EFFORT * np.diag(span**-2.0)[None])[2]
+
+
+class _Decisions(NamedTuple):
+    """A model in decisions in place of steps, with what a loss of one changes in the robustness, negated."""
+
+    a: Array  # (N, decisions, n, n)
+    b: Array  # (N, decisions, n, axes)
+    by_state: Array  # (N, decisions, n), of the samples of the decision
+    by_action: Array  # (N, decisions, axes)
+
+
+def _decisions(task: Task, model: Model) -> _Decisions:
+    hold, (count, steps, n, axes) = task.file.hold, model.b.shape
+    parts = list[tuple[Array, Array, Array, Array]]()
+    for first in range(0, steps, hold):
+        a, b = np.tile(np.eye(n), (count, 1, 1)), np.zeros((count, n, axes))
+        by_state, by_action = np.zeros((count, n)), np.zeros((count, axes))
+        for t in range(first, first + hold):
+            a, b = model.a[:, t] @ a, model.a[:, t] @ b + model.b[:, t]
+            by_state -= _times(model.by_state[:, t + 1], a)
+            by_action -= _times(model.by_state[:, t + 1], b)
+        parts.append((a, b, by_state, by_action))
+    return _Decisions(*(np.stack(each, axis=1) for each in zip(*parts, strict=True)))
+
+
+def _regulator(steps: _Decisions, own: Array, effort: Array) -> tuple[Array, Array, Array]:
+    """The best changes by a linear model and quadratic costs: changes, gains of the feedback, and costs of a state.
+
+    Args:
+        steps: the model, with linear costs.
+        own: quadratic costs of states (N, decisions + 1, n, n).
+        effort: those of actions (N or 1, axes, axes).
+    """
+    cost, slope = own.copy(), np.zeros(steps.by_state[:, 0].shape)
+    change, gain = np.zeros_like(steps.by_action), np.zeros_like(steps.b.transpose(0, 1, 3, 2))
+    for d in reversed(range(steps.a.shape[1])):
+        a, b, later = steps.a[:, d], steps.b[:, d], cost[:, d + 1]
+        back = b.transpose(0, 2, 1) @ later
+        by_action, both = steps.by_action[:, d] + _times(slope, b), back @ a
+        solved = np.linalg.solve(effort + back @ b, np.concatenate([by_action[..., None], both], axis=2))
+        change[:, d], gain[:, d] = -solved[..., 0], -solved[..., 1:]
+        slope = steps.by_state[:, d] + _times(slope, a) + _times(by_action, gain[:, d])
+        whole = a.transpose(0, 2, 1) @ later @ a + both.transpose(0, 2, 1) @ gain[:, d]
+        cost[:, d] += (whole + whole.transpose(0, 2, 1)) / 2
+    return change, gain, cost
+
+
+def _times(rows: Array, matrices: Array) -> Array:
+    """(N, n), (N, n, m) -> (N, m)."""
+    product: Array = (rows[:, None] @ matrices)[:, 0]
+    return product
+
+
+def _moved(task: Task, begun: Array, actions: Array, states: Array, change: Array, gain: Array) -> Course:
+    """The courses with changed actions, for each start `_LENGTHS` of the change in turn."""
+    length = np.tile(_LENGTHS, len(begun) // len(_LENGTHS))[:, None]
+    state, taken, course = begun, list[Array](), [begun]
+    for d in range(actions.shape[1]):
+        off = state - states[:, d * task.file.hold]
+        action = actions[:, d] + length * change[:, d] + (gain[:, d] @ off[..., None])[..., 0]
+        taken.append(np.clip(action, task.actions.low, task.actions.high))
+        for _ in range(task.file.hold):
+            state = task.system.step(state, taken[-1])
+            course.append(state)
+    return Course(np.stack(taken, axis=1), np.stack(course, axis=1))
+
+
+def _states(task: Task, begun: Array, actions: Array) -> Array:
     """The states (N, T + 1, n) under actions (N, decisions, axes)."""
     states = [begun]
     for t in range(task.file.steps):
@@ -126,9 +212,43 @@ def _course(task: Task, begun: Array, actions: Array) -> Array:
     return np.stack(states, axis=1)
 
 
-def _exact(task: Task, begun: Array, actions: Array) -> Array:
-    """The robustness (N,) under actions (N, decisions, axes) that need not be of the grid."""
-    return stl.robustness(task.formula, task.system.signals(_course(task, begun, actions)), task.signals)
+def linearised(task: Task, course: Course, k: float) -> Model:
+    """The smooth robustness along a course, its derivatives by each state, and those of each step."""
+    (*shape, n), flat = course.states.shape, course.states.reshape(-1, course.states.shape[2])
+    signals = task.system.signals(flat)
+    margins = _margins(task, course.states)
+    smooth = _smooth(task.formula, margins, k, False)[:, 0]
+    smooth.sum().backward()  # type: ignore[no-untyped-call]
+    by_signals = np.zeros((len(flat), 1, signals.shape[1]))
+    for each, values in margins.items():
+        assert values.grad is not None
+        slopes = _derivatives(stl.margin(each, task.signals), signals)
+        by_signals += values.grad.numpy().reshape(-1, 1, 1) * slopes
+    by_state = (by_signals @ _derivatives(task.system.signals, flat)).reshape(*shape, n)
+    moves = _moves(task, course)
+    return Model(smooth.detach().numpy(), by_state, moves[..., :n], moves[..., n:])
+
+
+def _values(task: Task, states: Array, k: float) -> Array:
+    """The smooth robustness (N,) of courses (N, T + 1, n)."""
+    with torch.no_grad():
+        return _smooth(task.formula, _margins(task, states), k, False)[:, 0].numpy()
+
+
+def _margins(task: Task, states: Array) -> dict[stl.Formula, torch.Tensor]:
+    """Of each predicate (N, T + 1)."""
+    signals = task.system.signals(states.reshape(-1, states.shape[2]))
+    margins = {each: stl.margin(each, task.signals)(signals) for each in dict.fromkeys(_predicates(task.formula))}
+    return {each: torch.tensor(own.reshape(states.shape[:2]), requires_grad=True) for each, own in margins.items()}
+
+
+def _moves(task: Task, course: Course) -> Array:
+    """Derivatives (N, T, n, n + axes) of each step by state and action."""
+    n, steps = course.states.shape[2], task.file.steps
+    held = np.repeat(course.actions, task.file.hold, axis=1)[:, :steps]
+    taking = np.concatenate([course.states[:, :-1], held], axis=2)
+    moves = _derivatives(lambda both: task.system.step(both[:, :n], both[:, n:]), taking.reshape(-1, taking.shape[2]))
+    return moves.reshape(len(held), steps, n, -1)
 
 
 def _derivatives(function: Callable[[Array], Array], at: Array) -> Array:

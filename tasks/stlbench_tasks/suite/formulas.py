@@ -135,7 +135,7 @@ class FormulaSuite(Suite):
         candidate, facts = self.candidate(name), self.facts(name)
         best = {key: facts[key] for key in ("robustness", "upper_bound")}
         why = {
-            "how": "the witness: way points, then local search",
+            "how": "the witness: way points, a gradient, local search",
             "why": "what the points can reach, predicate by predicate",
         }
         known = {"best_known": best | why, "baselines": facts["baselines"]}
