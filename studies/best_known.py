@@ -1,12 +1,13 @@
 """Search for what is best known of a task: one sequence of held actions for each of the report's starts.
 
-    python studies/best_known.py TASK [--seconds 240] [--plan] [--policies FOLDER]
+    python studies/best_known.py TASK [--seconds 240] [--plan] [--policies FOLDER] [--gradient 0]
 
 For each start it begins with the best of these: the action zero, the controller by hand, a drive along way points where
 the task has some here, the sequences that were found before, with `--plan` a plan for the formula, and with
-`--policies` what each selected policy of a folder of results does. It changes sequences at random and keeps a change
-that does not make the robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody
-can replay them (`replay`). The number itself stands in the task file, under `best_known`.
+`--policies` what each selected policy of a folder of results does. With `--gradient` it improves these for so many CPU
+seconds by the system's derivatives. Then it changes sequences at random and keeps a change that does not make the
+robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody can replay them. The
+number itself stands in the task file, under `best_known`.
 
 This is meant for systems without noise: a sequence that was made for one course of the noise is no policy.
 """
@@ -14,27 +15,25 @@ This is meant for systems without noise: a sequence that was made for one course
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+from gradient import improved
+from held import actions_of, replay, robustness_of, search
 
 from stlbench.contract import (
     ActionGrid,
-    Actions,
     Array,
     Environment,
-    Integers,
     Policy,
     RewardMethod,
     StatePolicy,
     Training,
 )
-from stlbench.records.result import Score
-from stlbench.rollout import baselines, controller, referee
-from stlbench.rollout.controller import Unpaid, nearest
+from stlbench.rollout import baselines
+from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.model import model_of
@@ -44,46 +43,16 @@ from stlbench.task import Task, build_agent, load_task
 from stlbench_tasks.steering import Steering
 
 FOLDER = Path(__file__).resolve().parent.parent / "results" / "best-known"
-_TRIES = 16
-"""Changed sequences of each start that are simulated side by side."""
-_SHIFTED, _NEAR, _UNDONE = 0.15, 0.5, 0.7
-"""How often a change shifts; has its two places near each other; and takes back what it adds."""
 _WAYS = {"overlap": ((1.1, 1.25), (2.75, 1.25), (3.0, 1.0), (2.75, 1.25), (0.8, 1.25), (0.8, 2.75), (1.0, 3.0))}
 """Task -> way points x, y of a differential-drive robot."""
 _AHEAD, _SPEEDS, _NEAR_POINT = (0.08, 0.12, 0.18, 0.25), (0.5, 0.7, 1.0), (0.02, 0.04)
 """How far ahead on the line it aims, in m; shares of the greatest speed; and how near a way point counts, in m."""
-_SAY = 20.0
-"""CPU seconds from one line to the next."""
-
-
-def replay(task: Task, sequences: Array) -> Score:
-    """The referee's score when the report's starts (N, s) are given the held actions (N, decisions, axes)."""
-    return referee.score(task, _traces(task, task.starts.report_and_selection()[0], sequences))
 
 
 def kept(task: Task) -> Array | None:
     """The sequences (N, decisions, axes) in the folder; None where there are none."""
     path = FOLDER / f"{task.name}.npz"
     return np.load(path)["actions"].astype(np.float64) if path.exists() else None
-
-
-def _traces(task: Task, begun: Array, sequences: Array) -> Array:
-    """Those (N, T + 1, k) that the sequences (N, decisions, axes) lead to."""
-    return controller.replay(task, taken(task, sequences), begun).traces
-
-
-def taken(task: Task, vectors: Array) -> Integers | Array:
-    """Actions (..., axes) as the task takes them: on a grid the places (...) of the nearest ones."""
-    if not isinstance(task.actions, ActionGrid):
-        return vectors
-    return nearest(task.actions, vectors.reshape(-1, vectors.shape[-1])).reshape(vectors.shape[:-1])
-
-
-def robustness_of(task: Task, begun: Array, sequences: Array) -> Array:
-    """What the referee's score has (N,), without the time that its other numbers take."""
-    traces = _traces(task, begun, sequences)
-    robustness: Array = judge(task.formula, traces, task.specification, task.file.terminated).robustness[:, 0]
-    return robustness
 
 
 def by_hand(task: Task, begun: Array) -> Array:
@@ -164,70 +133,6 @@ def _no_environment(count: int) -> Environment:
     raise AssertionError("a plan steps no environment")
 
 
-def actions_of(
-    task: Task, begun: Array, act: Callable[[Simulator], Array], method: RewardMethod | None = None
-) -> Array:
-    """The held actions (N, decisions, axes) of what acts, by the inputs of a method."""
-    acted = list[Array]()
-
-    def recording(simulator: Simulator) -> Integers | Array:
-        acted.append(np.clip(act(simulator), task.actions.low, task.actions.high))
-        return taken(task, acted[-1])
-
-    referee.simulate(task, method or Unpaid(task.specification), recording, begun)
-    return np.stack(acted, axis=1)
-
-
-def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int = 0) -> Array:
-    """Sequences (N, decisions, axes) that are no worse from any of the starts, after so many CPU seconds."""
-    generator, clock = np.random.default_rng(seed), time.process_time
-    best, end, said = robustness_of(task, begun, sequences), clock() + seconds, clock()
-    rows = np.arange(len(begun))
-    while clock() < end:
-        tried = _changed(np.repeat(sequences, _TRIES, axis=0), task.actions, generator)
-        found = robustness_of(task, np.repeat(begun, _TRIES, axis=0), tried).reshape(len(begun), _TRIES)
-        winner = found.argmax(axis=1)
-        better = found[rows, winner] >= best
-        winners = tried.reshape(len(begun), _TRIES, *tried.shape[1:])[rows, winner]
-        sequences = np.where(better[:, None, None], winners, sequences)
-        best = np.where(better, found[rows, winner], best)
-        if clock() - said > _SAY:
-            said = clock()
-            print(f"{end - said:6.0f} s left, {best.mean():.5f}, worst start {best.min():.5f}", flush=True)
-    return sequences
-
-
-def _changed(sequences: Array, actions: Actions, generator: np.random.Generator) -> Array:
-    """Each of the sequences (N, decisions, axes) changed, mostly so that what follows is moved and not turned.
-
-    Either all actions between two decisions come one decision sooner or later; or one axis has more for some decisions,
-    and most often as much less for as many others.
-    """
-    count, decisions, axes = sequences.shape
-    rows, places = np.arange(count), np.arange(decisions)[None]
-    first, second = generator.integers(decisions, size=(2, count, 1))
-    shifted = generator.random((count, 1)) < _SHIFTED
-    low, high = np.minimum(first, second), np.maximum(first, second) + 1
-    sooner = low + (places - low + generator.choice((-1, 1), (count, 1))) % (high - low)
-    moved = shifted & (places >= low) & (places < high)
-    changed: Array = sequences[rows[:, None], np.where(moved, sooner, places)]
-    axis, length = generator.integers(axes, size=count), 1 + generator.exponential(1.0, (count, 1)).astype(np.int64)
-    near = generator.random((count, 1)) < _NEAR
-    second = np.where(near, np.maximum(first + generator.integers(-8, 9, (count, 1)), 0), second)
-    lower, upper = np.array(actions.low), np.array(actions.high)
-    span = (upper - lower)[axis]
-    if isinstance(actions, ActionGrid):
-        steps = generator.choice((-1, 1), count) * generator.choice((1, 1, 2, 3), count)
-        change = steps * span / (np.array(actions.shape)[axis] - 1)
-    else:
-        change = span * generator.normal(size=count) * 10 ** generator.uniform(-3, -0.5, count)
-    undone = generator.random((count, 1)) < _UNDONE
-    more = ((places >= first) & (places < first + length)).astype(np.float64)
-    more -= undone & (places >= second) & (places < second + length)
-    changed[rows, :, axis] += np.where(shifted, 0.0, change[:, None] * more)
-    return np.clip(changed, lower, upper)
-
-
 def bound_by_start(task: Task) -> float:
     """The mean over the report's starts of the most that is possible after sample 0, within the signals' ranges."""
     begun = task.starts.report_and_selection()[0]
@@ -245,6 +150,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=240.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plan", action="store_true")
+    parser.add_argument("--gradient", type=float, default=0.0)
     parser.add_argument("--policies", type=Path)
     said = parser.parse_args()
     task = load_task(said.task)
@@ -257,6 +163,9 @@ def main() -> None:
     values = np.stack([robustness_of(task, begun, each) for each in found])
     print("to begin with:", ", ".join(f"{value.mean():.5f}" for value in values))
     best = np.stack(found)[values.argmax(axis=0), np.arange(len(begun))]
+    if said.gradient:
+        best = improved(task, begun, best, said.gradient)
+        print(f"by the gradient: {robustness_of(task, begun, best).mean():.5f}")
     best = search(task, begun, best, said.seconds, said.seed).astype(np.float32)
     FOLDER.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(FOLDER / f"{task.name}.npz", actions=best)

@@ -32,10 +32,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from best_known import replay, search, taken
+from gradient import improved
+from held import replay, search, taken
 from suite_bounds import Reach, upper_bound
 from suite_drives import witness
-from suite_gradient import improved
 from suite_linear import optimum
 
 import stlbench_tasks.suite

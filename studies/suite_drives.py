@@ -6,7 +6,7 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from best_known import actions_of, robustness_of, search, taken
+from held import actions_of, robustness_of, search, taken
 from scipy import linalg
 
 from stlbench.contract import ActionGrid, Array

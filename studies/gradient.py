@@ -10,16 +10,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import torch
-from best_known import robustness_of
+from held import robustness_of
+from smooth import derivatives, slope, value_of
 
-from stlbench import stl
 from stlbench.contract import ActionGrid, Array
-from stlbench.stl.language.syntax import Connective, Window
 from stlbench.task import Task
 
 _TEMPERATURES = (50.0, 100.0, 200.0)
@@ -30,7 +27,6 @@ _LEAST, _PATIENCE = 1e-4, 5
 _STATE, _EFFORT = 0.2, 1e-2
 """What following weighs beside the signals: each number of the state, and each action over its range."""
 _TRIES = 16
-_DIFFERENCE, _NEVER = 1e-6, 1e3
 
 
 class Course(NamedTuple):
@@ -41,25 +37,25 @@ class Course(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A system along a course, decision by decision: x' = A x + B u for small changes of its state and action.
+    """A system along a course: for small changes of state and action, the next state changes by A x + B u."""
 
-    `by_state` (N, T + 1, n) are derivatives of the smooth robustness; `value` (N,) is that robustness.
-    """
-
-    value: Array
-    by_state: Array
-    a: Array  # (N, T, n, n), for each step
+    by_state: Array  # (N, T + 1, n): the derivatives of the smooth robustness
+    a: Array  # (N, T, n, n)
     b: Array  # (N, T, n, axes)
 
 
 def improved(task: Task, begun: Array, sequences: Array, seconds: float) -> Array:
-    """Sequences (N, decisions, axes) of the grid that are no worse from any start, after so many CPU seconds.
+    """Sequences (N, decisions, axes) that are no worse from any start, after so many CPU seconds.
 
     Raises `ValueError` for a formula with operators that the suite does not draw.
     """
     begin = time.process_time()
-    course = ascend(task, begun, sequences, begin + seconds / 2)
-    return follow(task, begun, course, sequences, begin + seconds)
+    if isinstance(task.actions, ActionGrid):
+        course = ascend(task, begun, sequences, begin + seconds / 2)
+        return follow(task, begun, course, sequences, begin + seconds)
+    actions = ascend(task, begun, sequences, begin + seconds).actions
+    better = robustness_of(task, begun, actions) > robustness_of(task, begun, sequences)
+    return np.where(better[:, None, None], actions, sequences)
 
 
 def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
@@ -68,7 +64,7 @@ def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
     span, n, rows = np.subtract(task.actions.high, task.actions.low), course.states.shape[2], np.arange(len(begun))
     effort, wide = np.ones(len(begun)), np.repeat(begun, len(_LENGTHS), axis=0)
     for k in _TEMPERATURES:
-        value, gains = _values(task, course.states, k), list[float]()
+        value, gains = value_of(task, course.states, k), list[float]()
         while time.process_time() < end and (len(gains) < _PATIENCE or sum(gains[-_PATIENCE:]) > _LEAST):
             model = linearised(task, course, k)
             steps = _decisions(task, model)
@@ -76,7 +72,7 @@ def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
             change, gain, _ = _regulator(steps, own, effort[:, None, None] * np.diag(span**-2.0))
             before = (course.actions, course.states, change, gain)
             tried = _moved(task, wide, *(np.repeat(each, len(_LENGTHS), axis=0) for each in before))
-            found = np.nan_to_num(_values(task, tried.states, k), nan=-np.inf).reshape(len(begun), -1)
+            found = np.nan_to_num(value_of(task, tried.states, k), nan=-np.inf).reshape(len(begun), -1)
             best = found.argmax(axis=1)
             better = found[rows, best] > value
             at = (rows * len(_LENGTHS) + best)[better]
@@ -132,8 +128,8 @@ def _cost(task: Task, course: Course) -> Array:
     states, hold = course.states[:, :: task.file.hold], task.file.hold
     n, span = states.shape[2], np.subtract(task.actions.high, task.actions.low)
     moves = _moves(task, course)
-    still = Model(np.zeros(len(states)), np.zeros_like(course.states), moves[..., :n], moves[..., n:])
-    seen = _derivatives(task.system.signals, states.reshape(-1, n)).reshape(*states.shape[:2], -1, n)
+    still = Model(np.zeros_like(course.states), moves[..., :n], moves[..., n:])
+    seen = derivatives(task.system.signals, states.reshape(-1, n)).reshape(*states.shape[:2], -1, n)
     own = seen.transpose(0, 1, 3, 2) @ seen + _STATE**2 * np.eye(n)
     assert course.states.shape[1] == hold * course.actions.shape[1] + 1
     return _regulator(_decisions(task, still), own, _EFFORT * np.diag(span**-2.0)[None])[2]
@@ -170,15 +166,15 @@ def _regulator(steps: _Decisions, own: Array, effort: Array) -> tuple[Array, Arr
         own: quadratic costs of states (N, decisions + 1, n, n).
         effort: those of actions (N or 1, axes, axes).
     """
-    cost, slope = own.copy(), np.zeros(steps.by_state[:, 0].shape)
+    cost, back = own.copy(), np.zeros(steps.by_state[:, 0].shape)
     change, gain = np.zeros_like(steps.by_action), np.zeros_like(steps.b.transpose(0, 1, 3, 2))
     for d in reversed(range(steps.a.shape[1])):
         a, b, later = steps.a[:, d], steps.b[:, d], cost[:, d + 1]
-        back = b.transpose(0, 2, 1) @ later
-        by_action, both = steps.by_action[:, d] + _times(slope, b), back @ a
-        solved = np.linalg.solve(effort + back @ b, np.concatenate([by_action[..., None], both], axis=2))
+        seen = b.transpose(0, 2, 1) @ later
+        by_action, both = steps.by_action[:, d] + _times(back, b), seen @ a
+        solved = np.linalg.solve(effort + seen @ b, np.concatenate([by_action[..., None], both], axis=2))
         change[:, d], gain[:, d] = -solved[..., 0], -solved[..., 1:]
-        slope = steps.by_state[:, d] + _times(slope, a) + _times(by_action, gain[:, d])
+        back = steps.by_state[:, d] + _times(back, a) + _times(by_action, gain[:, d])
         whole = a.transpose(0, 2, 1) @ later @ a + both.transpose(0, 2, 1) @ gain[:, d]
         cost[:, d] += (whole + whole.transpose(0, 2, 1)) / 2
     return change, gain, cost
@@ -213,33 +209,9 @@ def _states(task: Task, begun: Array, actions: Array) -> Array:
 
 
 def linearised(task: Task, course: Course, k: float) -> Model:
-    """The smooth robustness along a course, its derivatives by each state, and those of each step."""
-    (*shape, n), flat = course.states.shape, course.states.reshape(-1, course.states.shape[2])
-    signals = task.system.signals(flat)
-    margins = _margins(task, course.states)
-    smooth = _smooth(task.formula, margins, k, False)[:, 0]
-    smooth.sum().backward()  # type: ignore[no-untyped-call]
-    by_signals = np.zeros((len(flat), 1, signals.shape[1]))
-    for each, values in margins.items():
-        assert values.grad is not None
-        slopes = _derivatives(stl.margin(each, task.signals), signals)
-        by_signals += values.grad.numpy().reshape(-1, 1, 1) * slopes
-    by_state = (by_signals @ _derivatives(task.system.signals, flat)).reshape(*shape, n)
-    moves = _moves(task, course)
-    return Model(smooth.detach().numpy(), by_state, moves[..., :n], moves[..., n:])
-
-
-def _values(task: Task, states: Array, k: float) -> Array:
-    """The smooth robustness (N,) of courses (N, T + 1, n)."""
-    with torch.no_grad():
-        return _smooth(task.formula, _margins(task, states), k, False)[:, 0].numpy()
-
-
-def _margins(task: Task, states: Array) -> dict[stl.Formula, torch.Tensor]:
-    """Of each predicate (N, T + 1)."""
-    signals = task.system.signals(states.reshape(-1, states.shape[2]))
-    margins = {each: stl.margin(each, task.signals)(signals) for each in dict.fromkeys(_predicates(task.formula))}
-    return {each: torch.tensor(own.reshape(states.shape[:2]), requires_grad=True) for each, own in margins.items()}
+    """The system along a course."""
+    n, moves = course.states.shape[2], _moves(task, course)
+    return Model(slope(task, course.states, k), moves[..., :n], moves[..., n:])
 
 
 def _moves(task: Task, course: Course) -> Array:
@@ -247,47 +219,5 @@ def _moves(task: Task, course: Course) -> Array:
     n, steps = course.states.shape[2], task.file.steps
     held = np.repeat(course.actions, task.file.hold, axis=1)[:, :steps]
     taking = np.concatenate([course.states[:, :-1], held], axis=2)
-    moves = _derivatives(lambda both: task.system.step(both[:, :n], both[:, n:]), taking.reshape(-1, taking.shape[2]))
+    moves = derivatives(lambda both: task.system.step(both[:, :n], both[:, n:]), taking.reshape(-1, taking.shape[2]))
     return moves.reshape(len(held), steps, n, -1)
-
-
-def _derivatives(function: Callable[[Array], Array], at: Array) -> Array:
-    """Of a function of points (M, n), by central differences: (M, values, n)."""
-    n = at.shape[1]
-    moved = np.concatenate([np.eye(n), -np.eye(n)]) * _DIFFERENCE
-    values = function((at[:, None] + moved).reshape(-1, n)).reshape(len(at), 2, n, -1)
-    slopes: Array = (values[:, 0] - values[:, 1]) / (2 * _DIFFERENCE)
-    return slopes.transpose(0, 2, 1)
-
-
-def _predicates(formula: stl.Formula) -> list[stl.Formula]:
-    if isinstance(formula, stl.Predicate):
-        return [formula]
-    return [each for operand in formula.operands for each in _predicates(operand)]  # type: ignore[arg-type]
-
-
-def _smooth(formula: stl.Formula, margins: dict[stl.Formula, torch.Tensor], k: float, negated: bool) -> torch.Tensor:
-    """The smooth robustness (N, L) of a part, or of its negation, at the first L steps: as many as the trace allows."""
-
-    def least(values: torch.Tensor, dim: int) -> torch.Tensor:
-        return -torch.logsumexp(-k * values, dim) / k
-
-    def most(values: torch.Tensor, dim: int) -> torch.Tensor:
-        return torch.logsumexp(k * values, dim) / k
-
-    match formula:
-        case stl.Predicate():
-            return -margins[formula] if negated else margins[formula]
-        case Connective():
-            parts = [_smooth(each, margins, k, sign != negated) for each, sign in formula.signed]
-            length = min(each.shape[1] for each in parts)
-            fold = least if formula.least != negated else most
-            return fold(torch.stack([each[:, :length] for each in parts]), 0)
-        case Window(a=a, b=b, arg=arg, past=False):
-            fold = least if formula.least != negated else most
-            return fold(_smooth(arg, margins, k, negated)[:, a:].unfold(1, b - a + 1, 1), 2)
-        case stl.Until(a=0, b=b, left=left, right=right) if not negated:  # at step 0 alone
-            before = -torch.logcumsumexp(-k * _smooth(left, margins, k, False)[:, :b], 1) / k
-            before = torch.cat([torch.full_like(before[:, :1], _NEVER), before], 1)
-            return most(least(torch.stack([before, _smooth(right, margins, k, False)[:, : b + 1]]), 0), 1)[:, None]
-    raise ValueError(f"no gradient for {formula}")

@@ -7,9 +7,10 @@ import pytest
 from helpers.studies import load
 
 from stlbench.contract import ActionGrid
+from stlbench.rollout import baselines
 from stlbench.task import load_task
 
-KNOWN = load("best_known")
+HELD = load("held")
 
 
 @pytest.mark.parametrize("name", ["reach-stay", "cartpole"])
@@ -19,21 +20,21 @@ def test_changes_stay_within_the_actions(name: str) -> None:
     generator = np.random.default_rng(0)
     before = generator.uniform(low, high, (200, 12, len(low)))
     if isinstance(task.actions, ActionGrid):
-        before = task.actions.vectors[KNOWN.taken(task, before)]
-    after = KNOWN._changed(before.copy(), task.actions, generator)
+        before = task.actions.vectors[HELD.taken(task, before)]
+    after = HELD._changed(before.copy(), task.actions, generator)
     assert after.shape == before.shape
     assert ((after >= low) & (after <= high)).all()
     assert (after != before).any(axis=(1, 2)).mean() > 0.5
     if isinstance(task.actions, ActionGrid):
-        np.testing.assert_allclose(after, task.actions.vectors[KNOWN.taken(task, after)], atol=1e-12)
+        np.testing.assert_allclose(after, task.actions.vectors[HELD.taken(task, after)], atol=1e-12)
 
 
 def test_searching_makes_no_start_worse() -> None:
     task = load_task("reach-stay")
     begun = task.starts.report_and_selection()[0]
-    zero = np.tile(KNOWN.baselines.zero(task), (len(begun), task.file.steps // task.file.hold, 1))
-    found = KNOWN.search(task, begun, zero, 0.3)
-    was, value = (KNOWN.robustness_of(task, begun, each) for each in (zero, found))
+    zero = np.tile(baselines.zero(task), (len(begun), task.file.steps // task.file.hold, 1))
+    found = HELD.search(task, begun, zero, 0.3)
+    was, value = (HELD.robustness_of(task, begun, each) for each in (zero, found))
     assert (value >= was).all()
     assert value.mean() > was.mean()
 
@@ -41,5 +42,5 @@ def test_searching_makes_no_start_worse() -> None:
 def test_the_robustness_is_the_referee_s() -> None:
     task = load_task("reach-stay")
     begun = task.starts.report_and_selection()[0]
-    sequences = KNOWN.by_hand(task, begun)
-    np.testing.assert_array_equal(KNOWN.robustness_of(task, begun, sequences), KNOWN.replay(task, sequences).robustness)
+    sequences = load("best_known").by_hand(task, begun)
+    np.testing.assert_array_equal(HELD.robustness_of(task, begun, sequences), HELD.replay(task, sequences).robustness)

@@ -14,7 +14,7 @@ from stlbench.contract import ActionGrid, Array
 from stlbench.rollout import baselines
 from stlbench.task import Task, load_task
 
-FOUND = load("suite_gradient")
+FOUND, SMOOTH = load("gradient"), load("smooth")
 NAMES = ["arm/tube/0", "unicycle/until/0", "pair/deliver/0", "double-integrator/response/0", "quadrotor/reach/0"]
 
 
@@ -41,7 +41,7 @@ def test_the_model_is_the_slope(name: str) -> None:
         by_action[:, d] = steps.by_action[:, d] + FOUND._times(by_state, steps.b[:, d])
         by_state = steps.by_state[:, d] + FOUND._times(by_state, steps.a[:, d])
     step = 1e-6 * np.random.default_rng(1).normal(size=actions.shape)
-    after, before = (FOUND._values(task, along(task, begun, actions + sign * step).states, 10.0) for sign in (1, -1))
+    after, before = (SMOOTH.value_of(task, along(task, begun, actions + sign * step).states, 10.0) for sign in (1, -1))
     expected = -(by_action * step).sum(axis=(1, 2))
     np.testing.assert_allclose((after - before) / 2, expected, rtol=1e-3, atol=1e-9)
 
@@ -52,7 +52,7 @@ def test_sharp_is_exact(name: str) -> None:
     task, begun, actions = drawn(name)
     states = along(task, begun, actions).states
     exact = stl.robustness(task.formula, task.system.signals(states), task.signals)
-    np.testing.assert_allclose(FOUND._values(task, states, 1e4), exact, atol=7 * 5 / 1e4)
+    np.testing.assert_allclose(SMOOTH.value_of(task, states, 1e4), exact, atol=7 * 5 / 1e4)
 
 
 def test_a_regulator_is_that_of_the_riccati_equation() -> None:
@@ -91,4 +91,4 @@ def test_no_start_gets_worse(name: str) -> None:
 
 def test_what_has_no_gradient_is_said() -> None:
     with pytest.raises(ValueError, match=r"no gradient for O\[0,1\] x <= 1"):
-        FOUND._smooth(stl.parse("O[0,1] x <= 1"), {}, 1.0, False)
+        SMOOTH._smooth(stl.parse("O[0,1] x <= 1"), {}, 1.0, False)
