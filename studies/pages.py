@@ -52,7 +52,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite-sizes": suite_answers.slopes,
         "suite-held-out": suite_answers.held_out,
         "suite-quick": lambda: page_suite.methods("suite-quick"),
-        "suite-budget": page_suite.budgets,
         "suite-many": page_suite.many,
     },
     "docs/reference/tasks.md": {
