@@ -79,6 +79,7 @@ def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
             course.actions[better], course.states[better] = tried.actions[at], tried.states[at]
             gains.append(float(np.maximum(found[rows, best] - value, 0).mean()))
             value = np.maximum(value, found[rows, best])
+            # where whole changes are good the model holds for greater ones, where only short ones are it holds for less
             easier = np.where(best == 0, 1 / 3, np.where(best > 1, 2.0, 1.0))
             effort = np.clip(effort * np.where(better, easier, 5.0), 1e-4, 1e8)
     return course
