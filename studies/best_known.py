@@ -1,13 +1,12 @@
 """Search for what is best known of a task: one sequence of held actions for each of the report's starts.
 
-    python studies/best_known.py TASK [--seconds 240] [--plan] [--policies FOLDER] [--gradient 0]
+    python studies/best_known.py TASK [--seconds 240] [--plan] [--policies FOLDER]
 
 For each start it begins with the best of these: the action zero, the controller by hand, a drive along way points where
 the task has some here, the sequences that were found before, with `--plan` a plan for the formula, and with
-`--policies` what each selected policy of a folder of results does. With `--gradient` it improves these for so many CPU
-seconds by the system's derivatives. Then it changes sequences at random and keeps a change that does not make the
-robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody can replay them. The
-number itself stands in the task file, under `best_known`.
+`--policies` what each selected policy of a folder of results does. It changes sequences at random and keeps a change
+that does not make the robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody
+can replay them (`replay`). The number itself stands in the task file, under `best_known`.
 
 This is meant for systems without noise: a sequence that was made for one course of the noise is no policy.
 """
@@ -20,7 +19,6 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from gradient import improved
 from held import actions_of, replay, robustness_of, search
 
 from stlbench.contract import (
@@ -150,7 +148,6 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=240.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plan", action="store_true")
-    parser.add_argument("--gradient", type=float, default=0.0)
     parser.add_argument("--policies", type=Path)
     said = parser.parse_args()
     task = load_task(said.task)
@@ -163,9 +160,6 @@ def main() -> None:
     values = np.stack([robustness_of(task, begun, each) for each in found])
     print("to begin with:", ", ".join(f"{value.mean():.5f}" for value in values))
     best = np.stack(found)[values.argmax(axis=0), np.arange(len(begun))]
-    if said.gradient:
-        best = improved(task, begun, best, said.gradient)
-        print(f"by the gradient: {robustness_of(task, begun, best).mean():.5f}")
     best = search(task, begun, best, said.seconds, said.seed).astype(np.float32)
     FOLDER.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(FOLDER / f"{task.name}.npz", actions=best)

@@ -45,17 +45,13 @@ class Model(NamedTuple):
 
 
 def improved(task: Task, begun: Array, sequences: Array, seconds: float) -> Array:
-    """Sequences (N, decisions, axes) that are no worse from any start, after so many CPU seconds.
+    """Sequences (N, decisions, axes) of the grid that are no worse from any start, after so many CPU seconds.
 
     Raises `ValueError` for a formula with operators that the suite does not draw.
     """
     begin = time.process_time()
-    if isinstance(task.actions, ActionGrid):
-        course = ascend(task, begun, sequences, begin + seconds / 2)
-        return follow(task, begun, course, sequences, begin + seconds)
-    actions = ascend(task, begun, sequences, begin + seconds).actions
-    better = robustness_of(task, begun, actions) > robustness_of(task, begun, sequences)
-    return np.where(better[:, None, None], actions, sequences)
+    course = ascend(task, begun, sequences, begin + seconds / 2)
+    return follow(task, begun, course, sequences, begin + seconds)
 
 
 def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
