@@ -9,7 +9,6 @@ from statistics import fmean, median
 import recorded
 from recorded import Row, markdown
 
-from stlbench.records.result import LEARNED
 from stlbench_tasks.suite.formulas import table as suite_table
 from stlbench_tasks.suite.systems import SYSTEMS
 from stlbench_tasks.suite.templates import TEMPLATES
@@ -88,27 +87,6 @@ def _told(row: Row) -> tuple[str, str]:
 
 def _with_ends(value: str, low: str, high: str, unit: str = "") -> str:
     return f"{value}{unit} [{low}, {high}]" if low else f"{value}{unit}"
-
-
-def budgets() -> str:
-    """One row per form that is hardly learned: of how many trainings a method learned with few and with many steps."""
-    cells = [row for row in recorded.table("suite-budget", "cells") if row["status"] == "done"]
-    learned = dict[tuple[str, str, str], list[bool]]()
-    for row in cells:
-        own = learned.setdefault((row["template"], row["method"], row["budget"]), [])
-        own.append(float(row["satisfaction"]) >= LEARNED)
-    methods = list(dict.fromkeys(row["method"] for row in cells))
-    body = [
-        [f"`{template}`", *(_learned(learned, template, method) for method in methods)]
-        for template in dict.fromkeys(row["template"] for row in cells)
-    ]
-    return markdown(["learned, quick and 4 times", *(f"`{each}`" for each in methods)], body, right=len(methods))
-
-
-def _learned(learned: Mapping[tuple[str, str, str], Sequence[bool]], template: str, method: str) -> str:
-    """ "1, 3 of 7"; empty where the method does not fit."""
-    few, more = (learned.get((template, method, budget), ()) for budget in ("quick", "paper"))
-    return f"{sum(few)}, {sum(more)} of {len(more)}" if more else ""
 
 
 def many() -> str:

@@ -11,7 +11,7 @@ import pytest
 from stlbench.registry import plugins, suites
 
 ROOT = Path(__file__).parents[2]
-REPORTED = {"suite-quick", "suite-core"}
+REPORTED = {"suite-quick", "suite-core", "suite-overlap"}
 """Studies that report, and develop nothing. Their results are in the folder of the same name."""
 DEV = set(suites.named("suite:dev"))
 _ADDRESS = re.compile(r"\bsuite:[a-z0-9/-]*[a-z0-9]")
