@@ -54,8 +54,7 @@ def test_one_policy_for_many_formulas_stands_beside_policies_for_each(
             "steps": steps,
             "satisfied": satisfied,
             "robustness": robustness,
-            "random": "-1",
-            "witness": "1",
+            "test": "suite-pair-reach-1",
         }
 
     rows = [
@@ -64,5 +63,6 @@ def test_one_policy_for_many_formulas_stands_beside_policies_for_each(
         row("8", "400", "0.5", "0"),
         row("32", "400", "1", "0"),
     ]
+    monkeypatch.setattr(page.recorded, "_ends", lambda task: (-1.0, 1.0))
     monkeypatch.setattr(page.recorded, "table", lambda *_: [*rows, row("32", "400", "0", "1")])
     assert page.many().splitlines()[-1] == "| `pair/reach` | 0 %, 0.00 | 100 %, 1.00 | 50 %, 0.50 | 50 %, 0.75 |"
