@@ -39,7 +39,7 @@ class Course(NamedTuple):
 class Model(NamedTuple):
     """A system along a course: for small changes of state and action, the next state changes by A x + B u."""
 
-    by_state: Array  # (N, T + 1, n): the derivatives of the smooth robustness
+    by_state: Array  # (N, T + 1, n): the derivatives of what is to grow
     a: Array  # (N, T, n, n)
     b: Array  # (N, T, n, axes)
 
@@ -62,8 +62,7 @@ def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
     for k in _TEMPERATURES:
         value, gains = value_of(task, course.states, k), list[float]()
         while time.process_time() < end and (len(gains) < _PATIENCE or sum(gains[-_PATIENCE:]) > _LEAST):
-            model = linearised(task, course, k)
-            steps = _decisions(task, model)
+            steps = _decisions(task, linearised(task, course, slope(task, course.states, k)))
             own = effort[:, None, None, None] * np.tile(np.eye(n), (1, steps.a.shape[1] + 1, 1, 1))
             change, gain, _ = _regulator(steps, own, effort[:, None, None] * np.diag(span**-2.0))
             before = (course.actions, course.states, change, gain)
@@ -122,13 +121,11 @@ def _followed(
 
 def _cost(task: Task, course: Course) -> Array:
     """What it costs a regulator to be off the course by one, at each decision: (N, decisions + 1, n, n)."""
-    states, hold = course.states[:, :: task.file.hold], task.file.hold
+    states = course.states[:, :: task.file.hold]
     n, span = states.shape[2], np.subtract(task.actions.high, task.actions.low)
-    moves = _moves(task, course)
-    still = Model(np.zeros_like(course.states), moves[..., :n], moves[..., n:])
+    still = linearised(task, course, np.zeros_like(course.states))
     seen = derivatives(task.system.signals, states.reshape(-1, n)).reshape(*states.shape[:2], -1, n)
     own = seen.transpose(0, 1, 3, 2) @ seen + _STATE**2 * np.eye(n)
-    assert course.states.shape[1] == hold * course.actions.shape[1] + 1
     return _regulator(_decisions(task, still), own, _EFFORT * np.diag(span**-2.0)[None])[2]
 
 
@@ -205,16 +202,11 @@ def _states(task: Task, begun: Array, actions: Array) -> Array:
     return np.stack(states, axis=1)
 
 
-def linearised(task: Task, course: Course, k: float) -> Model:
-    """The system along a course."""
-    n, moves = course.states.shape[2], _moves(task, course)
-    return Model(slope(task, course.states, k), moves[..., :n], moves[..., n:])
-
-
-def _moves(task: Task, course: Course) -> Array:
-    """Derivatives (N, T, n, n + axes) of each step by state and action."""
+def linearised(task: Task, course: Course, by_state: Array) -> Model:
+    """The system along a course, with the derivatives of what is to grow by its states (N, T + 1, n)."""
     n, steps = course.states.shape[2], task.file.steps
     held = np.repeat(course.actions, task.file.hold, axis=1)[:, :steps]
     taking = np.concatenate([course.states[:, :-1], held], axis=2)
     moves = derivatives(lambda both: task.system.step(both[:, :n], both[:, n:]), taking.reshape(-1, taking.shape[2]))
-    return moves.reshape(len(held), steps, n, -1)
+    moves = moves.reshape(len(held), steps, n, -1)
+    return Model(by_state, moves[..., :n], moves[..., n:])

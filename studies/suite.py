@@ -13,12 +13,12 @@ For each system and template it tries candidates in turn until `count` are accep
 - `unknown`: for which it finds no witness that satisfies from all starts.
 
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
-followed by the local search over held actions of `best_known.py`. What is there already is kept: the same command goes
+followed by the local search over held actions of `held.py`. What is there already is kept: the same command goes
 on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
-With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each: two thirds of
-them by the gradient of a smooth robustness, one by the local search. With `--exact` it solves
-a mixed-integer program for each start of these tasks, within so many seconds: its actions replace worse ones of the
-witness, and what it proves may lower the bound. It is for linear systems, and too large where F stands inside of G.
+With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each: two thirds of them by
+the gradient of a smooth robustness, one by the local search. With `--exact` it solves a mixed-integer program for each
+start of these tasks, within so many seconds: its actions replace worse ones of the witness, and what it proves may
+lower the bound. It is for linear systems, and too large where F stands inside of G.
 """
 
 from __future__ import annotations

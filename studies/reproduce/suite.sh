@@ -1,8 +1,11 @@
 # The split core of the suite by seven methods and its quick slice by all; one policy for many formulas, beside one for each.
-# CPU time: 6 hours
+# CPU time: 8 hours
 # Makes: suite-core suite-forms suite-sources suite-sizes suite-held-out suite-quick suite-many
 stlbench run studies/suite-core.yaml
 stlbench run studies/suite-quick.yaml
+stlbench run studies/suite-overlap.yaml
+stlbench run --budget quick studies/suite-budget.yaml
+stlbench run studies/suite-budget.yaml
 for split in core quick; do
     stlbench report results/suite-$split
     stlbench export results/suite-$split --format jsonl

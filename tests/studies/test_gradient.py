@@ -34,7 +34,8 @@ def along(task: Task, begun: Array, actions: Array) -> Any:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_model_is_the_slope(name: str) -> None:
     task, begun, actions = drawn(name)
-    model = FOUND.linearised(task, along(task, begun, actions), 10.0)
+    course = along(task, begun, actions)
+    model = FOUND.linearised(task, course, SMOOTH.slope(task, course.states, 10.0))
     steps, n = FOUND._decisions(task, model), len(task.system.state)
     by_state, by_action = np.zeros((len(begun), n)), np.zeros_like(actions)
     for d in reversed(range(actions.shape[1])):
