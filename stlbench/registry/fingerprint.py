@@ -1,22 +1,21 @@
-"""The code behind a module, told apart by digests, so that what is edited in place is seen. Imports nothing of it."""
+"""The code behind a module: its files by their bytes, and its class's revision. Imports nothing of it."""
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import sys
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache, reduce
-from importlib import metadata, resources
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache, reduce
+from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
-import yaml
-
-from stlbench.registry.effective_source import TASK_FILES, effective_digest
-
+TASK_FILE = "task.yaml"  # the name that a task's file always has
+BY_HAND_FILE = "by_hand.yaml"  # and that of the file beside it, which has what somebody made so that it is learned
+_TASK_FILES = (TASK_FILE, BY_HAND_FILE)
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
 _RESULTS = ("ledger.sqlite", "cells.jsonl")  # a folder that has one of these is of results, which a run writes
@@ -38,8 +37,8 @@ class Code:
 
     @cached_property
     def digest(self) -> str:
-        """Of the files, 32 hex digits. `TASK_FILES` have no part in it: a task's key has what they say."""
-        text = [f"{name} {digest}\n" for name, digest in self.files if name.rpartition("/")[2] not in TASK_FILES]
+        """Of the files, 32 hex digits. Files of tasks have no part in it: a task's key has what they say."""
+        text = [f"{name} {digest}\n" for name, digest in self.files if name.rpartition("/")[2] not in _TASK_FILES]
         return hashlib.sha256("".join(text).encode()).hexdigest()[:32]
 
     @property
@@ -47,7 +46,7 @@ class Code:
         """The first file or distribution that is no longer the same; None if all are."""
         for name, digest in self.files:
             path = _path(name)
-            if path is None or _digest(path, name) != digest:
+            if path is None or _digest(path) != digest:
                 return str(path or name)
         packages = (name for name, version in self.packages if _version(name) != version)
         return next(packages, None)
@@ -62,8 +61,8 @@ def code_of(module: str, *, packages: bool = True) -> Code:
 
     An installed distribution counts by its version, unless it has the module's own top-level package. Python's own
     modules do not count. Files of data in the folder of a package count, and in folders below it that are no packages:
-    all but hidden files, Markdown, and folders of results. Comments, docstrings and the place of files do not count.
-    What is imported by a name that is made at run time is not seen.
+    all but hidden files, Markdown, and folders of results. The place of files does not count. What is imported by a
+    name that is made at run time is not seen.
     """
     own, pending, files, installed = module.partition(".")[0], {module}, dict[str, str](), dict[str, str]()
     seen = set[str]()
@@ -76,7 +75,8 @@ def code_of(module: str, *, packages: bool = True) -> Code:
         files |= _data(name)
         imported: tuple[str, ...] = ()
         if (path := _file(name)) is not None:
-            files[name], imported = effective_digest(path, name)
+            read = _source(path, name)
+            files[name], imported = read.digest, read.imports
         pending |= {*imported, name.rpartition(".")[0]} - {*seen, ""}
     return Code(tuple(sorted(files.items())), tuple(sorted(installed.items())))
 
@@ -86,6 +86,73 @@ def own_code(modules: Iterable[str]) -> Code:
     installed editable, so that its source can change while its version does not."""
     own = (name for name in modules if _versions(name.partition(".")[0], True) is None)
     return reduce(Code.__or__, map(code_of, own), Code())
+
+
+def revision(module: str, name: str) -> int:
+    """The attribute `revision` in the body of a class, or of a module where the name is empty; 1 where it has none.
+
+    It is read from the source, since the key of a cell that is done should import no plugin.
+    """
+    path = _file(module)
+    return 1 if path is None else _source(path, module).revisions.get(name, 1)
+
+
+@dataclass(frozen=True)
+class _Source:
+    digest: str  # 16 hex digits
+    imports: tuple[str, ...] = ()
+    """The names that it imports anywhere; some may be no modules: `package.thing` of `from package import thing`."""
+    revisions: Mapping[str, int] = field(default_factory=dict)
+    """Of each class by its name, and of the module by an empty one."""
+
+
+def _source(path: Path, module: str) -> _Source:
+    """Read a file, unless it was read before and has the same size and time; no module is data. Raises `OSError`."""
+    seen = path.stat()
+    return _read(path, module, (seen.st_mtime_ns, seen.st_size, seen.st_ino))
+
+
+@lru_cache(maxsize=4096)
+def _read(path: Path, module: str, seen: tuple[int, ...]) -> _Source:
+    content = path.read_bytes()
+    digest = hashlib.sha256(content).hexdigest()[:16]
+    try:
+        tree = ast.parse(content if module else b"")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return _Source(digest)
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    names = (name for node in _run(tree) for name in _targets(node, package))
+    blocks = {"": tree.body} | {node.name: node.body for node in tree.body if isinstance(node, ast.ClassDef)}
+    revisions = {name: number for name, body in blocks.items() for number in _revisions(body)}
+    return _Source(digest, tuple(dict.fromkeys(names)), revisions)
+
+
+def _run(tree: ast.Module) -> Iterator[ast.AST]:
+    """All statements but those that type checkers alone read. Expressions have no imports."""
+    pending: list[ast.AST] = [tree]
+    while pending:
+        node = pending.pop()
+        yield node
+        for_checkers = isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+        children = node.orelse if isinstance(node, ast.If) and for_checkers else ast.iter_child_nodes(node)
+        pending += (child for child in children if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case))
+
+
+def _targets(node: ast.AST, package: str) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+        base = ".".join([*above, *([node.module] if node.module else [])])
+        yield base
+        yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def _revisions(body: Iterable[ast.stmt]) -> Iterator[int]:
+    for node in body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id="revision")], value=ast.Constant(value=int(number))):
+                yield number
 
 
 def _file(module: str) -> Path | None:
@@ -117,9 +184,9 @@ def _path(name: str) -> Path | None:
     return next((path for folder in _place(package)[1] if (path := Path(folder, rest)).is_file()), None)
 
 
-def _digest(path: Path, name: str) -> str | None:
+def _digest(path: Path) -> str | None:
     try:
-        return effective_digest(path, "" if "/" in name else name).digest
+        return _source(path, "").digest
     except OSError:
         return None
 
@@ -130,7 +197,7 @@ def _data(module: str) -> dict[str, str]:
     for root in _place(top)[1]:
         for path in _data_files(Path(root, *rest)):
             name = f"{top}/{path.relative_to(root).as_posix()}"
-            if (digest := _digest(path, name)) is not None:
+            if (digest := _digest(path)) is not None:
                 names.setdefault(name, digest)
     return names
 
@@ -189,15 +256,3 @@ def _version(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return "not installed"
-
-
-def revision(kind: str, name: str | None = None) -> int | None:
-    """The revision of the harness or the formula's view, or of a plugin by its kind and name; None if it has none."""
-    number: int | None = _read()[kind] if name is None else _read()[kind].get(name)
-    return number
-
-
-@cache
-def _read() -> dict[str, Any]:
-    text = resources.files("stlbench.registry").joinpath("revisions.yaml").read_text(encoding="utf-8")
-    return dict(yaml.safe_load(text))

@@ -15,7 +15,7 @@ from typing import Any
 
 from stlbench import contract
 from stlbench.errors import DISTRIBUTION, UsageError, cause, did_you_mean, one_line
-from stlbench.registry import choices
+from stlbench.registry import choices, fingerprint
 from stlbench.registry.choices import Choice
 from stlbench.registry.exits import exits_raise
 from stlbench.registry.installed import entries
@@ -79,9 +79,9 @@ class Plugin:
         return one_line(lines[0]) if lines else ""
 
     @property
-    def revised(self) -> tuple[str, str]:
-        """The kind and the name of what has its revision."""
-        return self.kind, self.name
+    def revision(self) -> int:
+        """Which state of a part of this distribution a result is of: `revision` in the body of its class."""
+        return fingerprint.revision(self.entry_point.module, self.entry_point.attr)
 
     @property
     def is_own(self) -> bool:

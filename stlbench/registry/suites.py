@@ -20,11 +20,6 @@ class SuitePlugin(plugins.Plugin):
     member: str  # its name within the suite: unicycle/sequence/7
 
     @property
-    def revised(self) -> tuple[str, str]:
-        """All tasks of a suite share its revision."""
-        return self.suite.kind, self.suite.name
-
-    @property
     def file(self) -> str:
         return made(self.suite).task(self.member).file
 

@@ -16,8 +16,7 @@ from stlbench.records.result import Measurement, Result
 from stlbench.records.status import Status
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.effective_source import WORDS
-from stlbench.registry.fingerprint import Code, code_of, own_code, revision
+from stlbench.registry.fingerprint import Code, code_of, own_code
 from stlbench.study.tracks import Recipe, task_of
 from stlbench.task.task import Task
 
@@ -62,11 +61,14 @@ def derive_seed(*parts: str | int) -> int:
     return int.from_bytes(hashlib.sha256(json.dumps(parts).encode()).digest()[:8], "big") >> 1
 
 
+HARNESS = 1
+"""Which state of stlbench's own code a result is of. Raise it where `tests/study/test_witnesses.py` says so."""
 PARTS = ("harness", "task", "method", "agent", "packages")
 """Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
 distributions that the plugins import."""
-_NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True) | {"environment": {"drawn"}}
-"""What a task file says that changes no result, or is in the key of a cell by itself."""
+_WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
+_NO_PART: dict[str, Any] = dict.fromkeys((*_WORDS, "agents", "budgets"), True) | {"environment": {"drawn"}}
+"""What a task file says for people, tables and pictures alone, or is in the key of a cell by itself."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """What it says of environments alone."""
 _OF_BUDGET = {"steps", "checkpoints", "patience", "seconds", "random_starts"}  # what of a budget changes a result
@@ -108,7 +110,7 @@ class Ingredients:
 
 def harness() -> Part:
     """stlbench's own code that trains and scores a cell: its revision, and the files that must not change meanwhile."""
-    return Part(digest(["harness", revision("harness")]), code_of("stlbench.study.trial", packages=False))
+    return Part(digest(["harness", HARNESS]), code_of("stlbench.study.trial", packages=False))
 
 
 def task_part(task: Task, budget: str) -> Part:
@@ -122,7 +124,7 @@ def task_part(task: Task, budget: str) -> Part:
     numbers = task.budget(budget).model_dump(mode="json", include=_OF_BUDGET, exclude_none=True)
     values: list[Any] = [task.choice.name, content, numbers]
     if task.view is not None:
-        values.append(revision("view"))
+        values.append(task.view.revision)
     if not isinstance(task.dynamics, GymTask):
         return _part("tasks", task.choice.name, values)
     return _part("tasks", task.choice.name, [*values, task.source.software], own_code(_modules(task)))
@@ -149,11 +151,10 @@ def agent_part(task: Task, choice: Choice) -> Part:
 def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> Part:
     """A plugin, and further code that it works on.
 
-    A plugin of this distribution counts by its revision, so its code can move. Of any other, the source counts, and
-    the version of its distribution, which may have parts that no source shows.
+    A plugin of this distribution counts by its revision, so its code can move. Of any other, the files count, and the
+    version of its distribution, which may have parts that no file shows.
     """
     plugin = plugins.find(kind, name)
     code = code_of(plugin.entry_point.module) | further
-    number = revision(*plugin.revised) if plugin.is_own else None
-    source = [plugin.version, code.digest] if number is None else [number]
+    source = [plugin.revision] if plugin.is_own else [plugin.version, code.digest]
     return Part(digest([*values, plugin.distribution, *source]), code)

@@ -27,7 +27,7 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.effective_source import BY_HAND_FILE, TASK_FILE
+from stlbench.registry.fingerprint import BY_HAND_FILE, TASK_FILE
 from stlbench.registry.suites import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts

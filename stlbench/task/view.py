@@ -118,6 +118,8 @@ class FormulaView:
     computes the same bits.
     """
 
+    revision = 1  # which state of it a result is of: raise it where its columns change
+
     def __init__(self, formula: Formula, box: Box, steps: int, bent: Truth | None = None) -> None:
         """Lay out the columns.
 

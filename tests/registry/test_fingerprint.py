@@ -9,7 +9,8 @@ import sys
 import pytest
 
 from stlbench.registry import fingerprint as fingerprints
-from stlbench.registry.fingerprint import Code, code_of, fingerprint, own_code
+from stlbench.registry import plugins
+from stlbench.registry.fingerprint import Code, code_of, fingerprint, own_code, revision
 
 FILES = {
     "zz_pack/__init__.py": "raise RuntimeError('never run')",
@@ -166,21 +167,17 @@ def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people_or_writ
 def test_what_a_task_file_says_is_watched_but_has_its_own_part_in_keys(site, file):
     root = site("acme", "", FILES | {f"zz_pack/{file}": "title: a\nsteps: 3\n"})
     code = code_of("zz_pack.one")
-    (root / "zz_pack" / file).write_text("title: b\nsteps: 3  # still\nnotes: more\n")
-    assert code.changed is None
     (root / "zz_pack" / file).write_text("title: b\nsteps: 4\n")
     assert code.changed == str(root / "zz_pack" / file)
     assert code_of("zz_pack.one").digest == code.digest
 
 
-def test_what_has_changed_is_named_and_words_are_no_change(site):
+def test_what_has_changed_is_named(site):
     root = site("acme", "", FILES | {"zz_pack/data.csv": "1,2\n"})
     code = pickle.loads(pickle.dumps(code_of("zz_pack.one")))
     assert code.changed is None
     late = root / "zz_pack/late.py"
-    late.write_text('"""Words."""\n\nx = 1  # more words\n')
-    assert code.changed is None
-    late.write_text("x = 7\n")
+    late.write_text("x = 1  # a comment\n")
     assert code.changed == str(late)
     late.unlink()
     assert code.changed == "zz_pack.late"
@@ -197,6 +194,31 @@ def test_an_edit_that_keeps_size_and_second_is_seen(site):
     late.write_text("x = 2\n")
     os.utime(late, ns=(then.st_atime_ns, then.st_mtime_ns + 1_000_000))
     assert code.changed == str(late)
+
+
+@pytest.mark.parametrize("text", ["def\n", "x = 1\0", b"\xff\xfe#", "x = " + "(" * 300])
+def test_a_module_that_cannot_be_parsed_counts_by_its_bytes(site, text):
+    root = site("acme", "", FILES)
+    raw = text if isinstance(text, bytes) else text.encode()
+    found = set()
+    for content in (raw, raw + b"# more"):
+        (root / "zz_pack/one.py").write_bytes(content)
+        found.add(fingerprint("zz_pack.one"))
+    assert len(found) == 2
+
+
+def test_the_revision_stands_in_the_body_of_the_class_and_the_module_is_not_run(site):
+    text = "raise RuntimeError\nrevision = 4\nclass One:\n    revision = 3\nclass Two(One):\n    size = 2\n"
+    site("acme", "", FILES | {"zz_pack/one.py": text})
+    assert [revision("zz_pack.one", name) for name in ("One", "Two", "", "Three")] == [3, 1, 4, 1]
+    assert revision("zz_pack.late", "") == revision("zz_nowhere", "One") == 1
+
+
+def test_the_revision_of_an_own_plugin_is_that_of_its_class():
+    for kind in ("methods", "agents", "suites", "tasks"):
+        for plugin in plugins.available(kind).values():
+            if plugin.distribution == plugins.OWN:
+                assert plugin.revision == vars(plugin.load()).get("revision", 1)
 
 
 def test_the_harness_is_what_trains_and_scores_and_neither_reports_nor_the_command_line():

@@ -8,7 +8,6 @@ from stlbench.contract import System
 from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins, suites
 from stlbench.registry.choices import Choice
-from stlbench.registry.fingerprint import revision
 from stlbench.task import load_task
 from stlbench.testing import check_suite
 
@@ -55,7 +54,6 @@ def test_the_plugin_of_a_task() -> None:
     plugin = plugins.find("tasks", NAME)
     assert isinstance(plugin, suites.SuitePlugin)
     assert plugin.is_own
-    assert plugin.revised == ("suites", "suite")
-    assert revision(*plugin.revised) == 1
+    assert plugin.revision == 1
     assert issubclass(plugin.load(), System)
     assert NAME not in plugins.available("tasks")

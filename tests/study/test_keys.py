@@ -10,11 +10,12 @@ from stlbench.registry.choices import parse_choice
 from stlbench.registry.fingerprint import Code
 from stlbench.study import cell as keys
 from stlbench.study.plan import plan_cells
+from stlbench.task.view import FormulaView
 
 
-def planned():
+def planned(track=None):
     task, method, agent = map(parse_choice, ("hold-disc", "raw", "dqn"))
-    (cell,) = plan_cells([task], [method], [agent], [0], "smoke")
+    (cell,) = plan_cells([task], [method], [agent], [0], "smoke", track)
     return cell
 
 
@@ -22,16 +23,25 @@ def changed(before, after):
     return [name for (name, one), (_, other) in zip(before.parts, after.parts, strict=True) if one != other]
 
 
-@pytest.mark.parametrize(
-    ("kind", "part"), [("harness", "harness"), ("tasks", "task"), ("methods", "method"), ("agents", "agent")]
-)
-def test_a_raised_revision_changes_its_part_alone(monkeypatch, kind, part):
-    before, revision = planned(), keys.revision
+@pytest.mark.parametrize("part", ["harness", "task", "method", "agent"])
+def test_a_raised_revision_changes_its_part_alone(monkeypatch, part):
+    before = planned()
     assert [name for name, _ in before.parts] == list(keys.PARTS)
-    monkeypatch.setattr(keys, "revision", lambda of, name=None: revision(of, name) + (of == kind))
+    if part == "harness":
+        monkeypatch.setattr(keys, "HARNESS", keys.HARNESS + 1)
+    else:
+        raised = property(lambda plugin: 1 + (plugin.kind == f"{part}s"))
+        monkeypatch.setattr(keys.plugins.Plugin, "revision", raised)
     after = planned()
     assert after.key != before.key
     assert changed(before, after) == [part]
+
+
+def test_a_raised_revision_of_the_view_changes_tasks_that_show_the_formula(monkeypatch):
+    before = planned(), planned("auto")
+    monkeypatch.setattr(FormulaView, "revision", FormulaView.revision + 1)
+    after = planned(), planned("auto")
+    assert [changed(*pair) for pair in zip(before, after, strict=True)] == [[], ["task"]]
 
 
 def test_the_source_of_own_code_is_no_part(monkeypatch):

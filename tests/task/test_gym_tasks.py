@@ -241,9 +241,6 @@ def test_the_source_of_an_environment_that_is_not_installed_is_in_the_keys(
     before = planned()
     assert planned().key == before.key
     with (root / f"{edited}.py").open("a") as file:
-        file.write("# the same\n")
-    assert planned().key == before.key
-    with (root / f"{edited}.py").open("a") as file:
         file.write("edited = 1\n")
     assert planned().key != before.key
     assert {code.changed for code in before.code} == {None, str(root / f"{edited}.py")}
