@@ -31,10 +31,11 @@ from stlbench.solver.contestants import rank
 from stlbench.solver.posed import TASK, WITNESS, Posed
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
-from stlbench.solver.solution import FILE, FINAL, cells_of, code_of
+from stlbench.solver.solution import FILE, FINAL, cells_of
 from stlbench.study.filming import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
+from stlbench.task.named_code import code_of
 from stlbench.task.task import Task
 
 _SHARE = 0.05

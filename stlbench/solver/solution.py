@@ -20,7 +20,7 @@ from stlbench.solver.posed import TASK
 from stlbench.study.policies import LoadedPolicy, load_policy
 from stlbench.study.results import Results
 from stlbench.task.gym_spaces import as_action
-from stlbench.task.yaml_text import load_yaml
+from stlbench.task.named_code import code_of
 
 FILE = "certificate.json"
 FINAL, RACE = "final", "race"
@@ -108,20 +108,21 @@ class Solution:
 
         Args:
             folder: as `into` of `solve`.
-            run_code: whether code that the folder has or names may run: `task/system.py`, and the module in an
-                environment's id. Only say so of a folder that you trust.
+            run_code: whether code that the folder has or names may run: `task/system.py`, the module in the id of an
+                environment, what a text among its arguments names. Only say so of a folder that you trust.
 
         Raises:
             UsageError: there is no solution, or its task needs code that may not run.
         """
         place = Path(folder)
         try:
-            certificate = json.loads((place / FILE).read_text(encoding="utf-8"))
-            plugin = folders.know(place / TASK.name, instead=True)
+            certificate = _certificate(place / FILE)
+            code = code_of(place / TASK.name)
         except (OSError, ValueError) as error:
             raise UsageError(f"{place} has no solution; `stlbench solve` writes one: {error}") from error
-        if not run_code and (code := code_of(plugin.folder)):
-            raise UsageError(f"{place}: its task runs {code}; if you trust it, load it with run_code=True")
+        if code and not run_code:
+            raise UsageError(f"{place}: its task runs {', '.join(code)}; if you trust it, load it with run_code=True")
+        folders.know(place / TASK.name, instead=True)
         cells = place / cells_of(certificate["budget"])
         result = Results.load(cells).cell(certificate["cell"], certificate["budget"])
         return cls(place, certificate, Acting(load_policy(cells, result)))
@@ -141,9 +142,9 @@ def cells_of(budget: str) -> str:
     return FINAL if budget == FINAL else RACE
 
 
-def code_of(home: Path) -> str:
-    """The code that the folder of a task brings or names; empty where there is none."""
-    content = load_yaml((home / "task.yaml").read_text(encoding="utf-8"), str(home))
-    named = str((content.get("environment") or {}).get("id", "")) if isinstance(content, dict) else ""
-    files = sorted(path.name for path in home.glob("*.py"))
-    return ", ".join([*files, *([f"the module of {named}"] if ":" in named else [])])
+def _certificate(path: Path) -> Mapping[str, Any]:
+    """Raises `OSError` or `ValueError`."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(content, dict) or not all(isinstance(content.get(name), str) for name in ("cell", "budget")):
+        raise ValueError(f"{path.name} names no cell with its budget")
+    return content

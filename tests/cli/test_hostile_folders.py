@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli.conftest import TOY
-from helpers import line_task
+from helpers import line_task, strangers
 from helpers.kept_policies import trained
 from typer.testing import CliRunner
 
@@ -44,6 +44,13 @@ READ = (
     "export DIR --format jsonl",
     "compare DIR DIR",
     "bundle DIR out.zip --title T --author A",
+    "verify out.zip",
+    "verify out.zip --rescore",
+    "policies list --results DIR",
+    f"policies get {CELL} got --results DIR",
+    f"policies run {CELL} --results DIR",
+    "run --tasks zz-evil --methods raw --results DIR",
+    "gate DIR",
     "results merge merged DIR",
     f"results remove DIR {CELL} --yes",
 )
@@ -80,7 +87,8 @@ def evil(site: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPa
         return folder
 
     yield made
-    plugins._ADDED["tasks"].pop("zz-evil", None)
+    for name in [name for name in plugins._ADDED["tasks"] if name.startswith("zz-evil")]:
+        del plugins._ADDED["tasks"][name]
 
 
 def record(folder: Path, result: Result) -> None:
@@ -97,8 +105,18 @@ def renamed(result: Result, folder: Path, named: str) -> Result:
     return other
 
 
-def test_no_command_imports_what_results_name(evil: Callable[[str], Path], tmp_path: Path) -> None:
+def test_no_command_imports_what_results_name(
+    evil: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the task of the cell that commands name, there is one for each way to have a module imported."""
     folder = evil(str(tmp_path / "results" / "zz-evil"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (one,) = Results.load(folder)
+    for number, kind in enumerate(strangers.KINDS, 1):
+        task = folder / f"zz-evil-{number}"
+        strangers.plant(task, kind, tmp_path)
+        identity = replace(one.id, task=Choice(task.name))
+        record(folder, replace(one, id=identity, key=f"{number:032}", provenance={"task_folder": str(task)}))
     for command in READ:
         told(command, folder)
         assert not (tmp_path / "marker").exists(), command
