@@ -14,16 +14,17 @@ Value = Callable[[Array, Integers], Array]  # a function of signals (..., k) and
 
 Activity = Literal["last-deadline", "literal"]
 """`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
-starts (the first step that it reads: a, or a + c2 for F[a,c1] G[c2,b]), else 0; this gives eq. 11 for sequences and
-the overlap example alike. `literal`: term i is active on its own interval alone, as in the piecewise example of
-sec. III-B, and its funnel starts at 0."""
+starts (the first step that it reads: a, or a + c2 for F[a,c1] G[c2,b]) and before end_i, else 0; this gives eq. 11 for
+sequences and the overlap example alike. So a term of one sample is active up to it. `literal`: term i is active on its
+own interval alone, as in the piecewise example of sec. III-B, and its funnel starts at 0."""
 
 
 def active_from(terms: Sequence[Term], activity: Activity) -> list[int]:
     """t0 of each term: the time from which its funnel runs."""
     if activity == "literal":
         return [0 for _ in terms]
-    return [max((other.end for other in terms if other.end <= term.start), default=0) for term in terms]
+    ends = {term.end for term in terms}
+    return [max((end for end in ends if end <= term.start and end < term.end), default=0) for term in terms]
 
 
 def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth:

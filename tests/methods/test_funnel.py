@@ -150,6 +150,40 @@ class TestAlwaysFromTheStart:
         assert paid(Funnel(self.spec), -2.0, 11) == 0
 
 
+class TestOneSample:
+    """x in [-2, 2], rho = x: gamma_0 = 4, rho_max = 2, and gamma_inf = 1, so gamma(t) = 3 * 3^(-t / 4) + 1 by step 4."""
+
+    @pytest.mark.parametrize("variant", ["paper", "code"])
+    @pytest.mark.parametrize("activity", ["last-deadline", "literal"])
+    @pytest.mark.parametrize("term", ["G[4,4]", "F[4,4]", "F[1,1] G[3,3]"])
+    def test_its_funnel_reaches_it_from_the_start(
+        self, term: str, activity: Literal["last-deadline", "literal"], variant: Literal["paper", "code"]
+    ) -> None:
+        spec = specification(f"{term} x >= 0 & F[4,9] x >= 1", BOX, steps=9)
+        method = Funnel(spec, ginf=0.9, activity=activity, variant=variant)
+        assert (method.curves[0].t0, method.curves[0].t_star) == (0, 4)
+        gamma = [3.1 * (1.1 / 3.1) ** (t / 4) + 0.9 for t in range(5)]
+        before = 0.0 if activity == "literal" else gamma[1] - 2
+        assert paid(method, 0.0, 1) == pytest.approx(before, abs=NEAR)
+        if activity == "last-deadline":
+            assert paid(method, 1.5, 4) == pytest.approx(1.5 + gamma[4] - 2, abs=NEAR)
+
+    @pytest.mark.parametrize("variant", ["paper", "code"])
+    @pytest.mark.parametrize("shape", ["linear", "clipped", "normalised"])
+    @pytest.mark.parametrize("formula", ["G[0,0] x >= 0", "F[0,0] x >= 0", "F[0,0] G[0,0] x >= 0 & F[0,0] x >= 1"])
+    def test_that_of_sample_0_is_paid_nothing_and_divides_by_nothing(
+        self,
+        formula: str,
+        shape: Literal["linear", "clipped", "normalised"],
+        variant: Literal["paper", "code"],
+    ) -> None:
+        method = Funnel(specification(formula, BOX, steps=3), shape=shape, variant=variant)
+        rewards, _ = run(method, np.array([-2.0, 0.0, 1.0, 2.0]))
+        assert rewards[0, 1:].tolist() == [0, 0, 0]
+        assert method.floor == 0
+        assert math.isfinite(method.scale)
+
+
 PENDULUM = "G[400,700] ({0}1) & G[1000,1200] ({0}2) & G[1700,2000] ({0}3)"
 
 

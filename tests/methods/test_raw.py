@@ -44,3 +44,12 @@ def test_overlap_takes_the_minimum_and_a_gap_pays_nothing() -> None:
     assert literal[0, 1:].tolist() == [0.5, 0.5, 0.5, 1, 1, 0, 0]
     alone, _ = run(Raw(specification("F[2,5] y >= 2", box, steps=7), activity="literal"), trace)
     assert alone[0, 1:].tolist() == [0, 1, 1, 1, 1, 0, 0]
+
+
+def test_a_term_of_one_sample_is_paid_up_to_it() -> None:
+    text, box = "G[3,3] x <= 1 & F[3,6] y >= 2", {"x": (-3.0, 3.0), "y": (-3.0, 3.0)}
+    trace = np.tile([[0.5, 3.0]], (8, 1))[None]  # robustness .5 and 1 throughout
+    last, _ = run(Raw(specification(text, box, steps=7)), trace)
+    literal, _ = run(Raw(specification(text, box, steps=7), activity="literal"), trace)
+    assert last[0, 1:].tolist() == [0.5, 0.5, 0.5, 1, 1, 1, 0]
+    assert literal[0, 1:].tolist() == [0, 0, 0.5, 1, 1, 1, 0]
