@@ -63,12 +63,12 @@ _WORDS = {
     r"Input should be a valid integer.*": "should be a whole number",
     r"Input should be a valid boolean.*": "should be true or false",
     r"Input should be a valid string.*": "should be a text",
-    r"Input should be a valid (dictionary|mapping|object).*": "expected a mapping, {key: value}",
+    r"Input should be a (valid )?(dictionary|mapping|object).*": "expected a mapping, {key: value}",
     r"Input should be a valid (tuple|list).*": "expected a list",
     r"Input is not a valid path.*": "should be a path",
     r"\w+ should have at least 1 .*": "should not be empty",
     r"\w+ should have at (least|most) (\d+) .*": r"should have at \1 \2 entries",
-    r"Input should ": "should ",
+    r"(Input|String) should ": "should ",
 }
 """How Pydantic begins to say a rule -> how stlbench says it."""
 
@@ -113,12 +113,12 @@ def printable(value: object, most: int = PAGE) -> str:
     return _UNSAFE.sub(_escaped, _shortened(_text(value), most))
 
 
-def one_line(value: object) -> str:
+def one_line(value: object, most: int = LINE) -> str:
     """The same in one line: all white space is a single space."""
     text = _text(value)
     left_out = max(0, len(text) - PAGE)
     ends = text[: PAGE // 2] + text[-PAGE // 2 :] if left_out else text  # the seam is in the middle that a line lacks
-    return _UNSAFE.sub(_escaped, _shortened(" ".join(ends.split()), LINE, left_out))
+    return _UNSAFE.sub(_escaped, _shortened(" ".join(ends.split()), most, left_out))
 
 
 def cause(error: BaseException) -> str:

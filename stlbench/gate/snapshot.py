@@ -20,7 +20,8 @@ from pydantic import TypeAdapter, ValidationError
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import stored
-from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
+from stlbench.records.fields import Line
+from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, ReadCell
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result
@@ -40,9 +41,9 @@ _PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ
 class Sample:
     """One cell. The numbers are None where it was not measured. The fields' names are those of the table's columns."""
 
-    id: CellId
+    id: ReadCell
     status: Status
-    reason: str = ""
+    reason: Line = ""
     robustness_mean: float | None = None  # of the selected policy, over the starts of the report
     satisfaction: float | None = None  # share of the starts, in [0, 1]
     training_cpu_seconds: float | None = None

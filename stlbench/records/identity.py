@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal, Self, cast, get_args
 
-from pydantic import BeforeValidator, PlainSerializer
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.records.fields import MOST, Name
 from stlbench.registry.choices import Choice, choice_of, parse_choice
 
 Track = Literal["auto", "shared", "plain", "tuned", "outside"]
@@ -20,8 +21,18 @@ help, with the agent's defaults. `tuned`: by a recipe that was found for this me
 each. `outside`: stlbench did not train it, and scored it."""
 OUTSIDE: Literal["outside"] = "outside"
 """The track of what stlbench did not train (`stlbench score`): no comparison and no statistic has it."""
-_Chosen = Annotated[Choice, BeforeValidator(choice_of), PlainSerializer(str)]
+
+
+def _chosen(value: object) -> Choice:
+    if not isinstance(value, str | Choice):
+        raise ValueError("should be a text")
+    return choice_of(value)
+
+
+_Chosen = Annotated[Choice, BeforeValidator(_chosen), PlainSerializer(str)]
 """A choice, which JSON and tables write as its text."""
+_LONGEST = 220
+"""Characters of a cell's name, by which its files are called. Systems take 255 bytes, with what is added to it."""
 
 
 @dataclass(frozen=True, order=True)
@@ -49,8 +60,8 @@ class CellId:
     method: _Chosen
     """With the parameters that the user set: funnel[ginf=0.02,variant=code]."""
     agent: _Chosen
-    seed: int
-    budget: str
+    seed: Annotated[int, Field(ge=0, lt=MOST)]
+    budget: Name
     track: Track = "shared"
 
     @classmethod
@@ -88,6 +99,14 @@ def _joined(*parts: Choice | int, track: Track) -> str:
     return "/".join([*map(str, parts), *([] if track == "shared" else [track])])
 
 
+def _short(cell: CellId) -> CellId:
+    if len(cell.name) > _LONGEST:
+        raise ValueError(f"the name of a cell has at most {_LONGEST} characters")
+    return cell
+
+
+ReadCell = Annotated[CellId, AfterValidator(_short)]
+"""A cell that is read."""
 IDENTITY = tuple(part.name for part in fields(CellId))
 """The names of the parts, which are columns of every table of cells."""
 

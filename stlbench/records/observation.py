@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import isclose
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
+from stlbench.records.fields import Finite, Whole, first_problem
 
 KEY = "stlbench_observation"
 """Under which a file of a policy, or a space of Gymnasium, has the record."""
@@ -25,18 +26,18 @@ _NAMED = 12
 class Observation:
     """The numbers that a policy is shown: those of the task, the time, and the inputs of a method, in this order."""
 
-    size: int
+    size: Whole
     """Numbers of the task."""
     names: tuple[str, ...] = ()
     """Of an environment one for each number, perhaps empty; of a system the quantities from which the task computes its
     numbers. Empty if nothing has a name."""
-    middle: tuple[float, ...] = ()
+    middle: tuple[Finite, ...] = ()
     """Of an environment, for each number: a policy sees (number - middle) / reach. Empty of a system, whose class
     scales by itself."""
-    reach: tuple[float, ...] = ()
-    steps: int | None = None
+    reach: tuple[Finite, ...] = ()
+    steps: Whole | None = None
     """The time runs from -1 to 1 in so many steps. None where the time is not shown."""
-    inputs: int = 0
+    inputs: Whole = 0
     """Inputs of the method."""
     method: str = ""
     """The method whose inputs they are; empty where that is not known, or there are none."""
@@ -97,15 +98,10 @@ class Observation:
             UsageError: it is no record. The message begins with `source`.
         """
         try:
-            adapter = TypeAdapter(Observation)
-            record = adapter.validate_json(facts) if isinstance(facts, str | bytes) else adapter.validate_python(facts)
+            adapter = TypeAdapter[Observation](Described)
+            return adapter.validate_json(facts) if isinstance(facts, str | bytes) else adapter.validate_python(facts)
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(map(str, first["loc"])) or "the whole"
-            raise UsageError(one_line(f"{source}: its {KEY} is no record: {where}: {first['msg']}")) from error
-        if len(record.middle) != len(record.reach) or (record.middle and len(record.middle) != record.size):
-            raise UsageError(f"{source}: its {KEY} is no record: middle and reach have one number for each of size")
-        return record
+            raise UsageError(one_line(f"{source}: its {KEY} is no record: {first_problem(error)}")) from error
 
     def check(self, source: str, shown: Observation) -> None:
         """Refuse what a policy with this record would be shown, unless it is what the record says.
@@ -163,6 +159,16 @@ class Observation:
         if self.inputs:
             parts.append(f"{self.inputs} input{'s' * (self.inputs > 1)} of {self.method or 'a method'}")
         return one_line("; ".join(parts))
+
+
+def _described(record: Observation) -> Observation:
+    if len(record.middle) != len(record.reach) or (record.middle and len(record.middle) != record.size):
+        raise ValueError("middle and reach have one number for each of size")
+    return record
+
+
+Described = Annotated[Observation, AfterValidator(_described)]
+"""A record that is read."""
 
 
 def _of_names(own: Observation, shown: Observation) -> Iterator[str]:

@@ -13,13 +13,15 @@ from typing import Any, NamedTuple, Self
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.result import Result, plain
-from stlbench.records.rows import Row, cell_of, result_of, texts
+from stlbench.records.rows import Row, cell_of, result_of
 from stlbench.records.schema import LISTED, is_sqlite, opened
 
 _IDENTITY = ", ".join(IDENTITY)
 _BYTES = 200  # the least that a row takes, in any table
 _AGAIN = 10**6
 """Rows that were replaced, at most; each gets a greater number. A damaged file may claim a number of 2^62."""
+
+_OTHER = "its columns do not say what its result says"
 
 
 class LedgerWarning(UserWarning):
@@ -93,14 +95,14 @@ class Records:
                 yield self._recorded(*columns)
 
     def _recorded(self, number: int, key: str, *columns: Any) -> Recorded:
-        again = bool(columns[2])
+        row, again = _row(number, key, *columns), bool(columns[2])
         try:
             result, files = self._content(number, key)
         except (sqlite3.DatabaseError, ValueError) as error:
             text = one_line(str(error).splitlines()[0])
-            return Recorded(key, _cell(number, key, *columns), {}, text, again=again)
-        if (key, *columns) != (result.key, result.status, *columns[1:3], *texts(result.id)):
-            return Recorded(key, result.id, {}, "its columns do not say what its result says", again, result.key)
+            return Recorded(key, row.cell if row else None, {}, text, again=again)
+        if row is None or not row.is_of(result):
+            return Recorded(key, result.id, {}, _OTHER, again, result.key)
         return Recorded(key, result.id, files, result, again)
 
     def lost(self) -> dict[str, CellId | None]:
@@ -135,16 +137,22 @@ class Records:
     def read(self, row: Row) -> Result | None:
         """The result of a row; None, with a warning, if it is damaged."""
         try:
-            return self._content(row.number, row.key)[0]
+            result, _ = self._content(row.number, row.key)
+            problem = "" if row.is_of(result) else _OTHER
         except (sqlite3.DatabaseError, ValueError) as error:
-            self._warn(f"the row of {row.cell.name}", str(error))
+            problem = str(error)
+        if problem:
+            self._warn(f"the row of {row.cell.name}", problem)
             return None
+        return result
 
     def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str]]:
         """A row's result and the checksums of its files. Raises `DatabaseError` or `ValueError` if it is damaged."""
         assert self._database is not None
         query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
-        ((text, checksum, files),) = self._database.execute(query, (number, key)).fetchall()
+        if (found := self._database.execute(query, (number, key)).fetchone()) is None:
+            raise ValueError("it is not where the index has it")
+        text, checksum, files = found
         checksums = plain(files)
         if not isinstance(checksums, dict):
             raise ValueError(f"checksums of its files are an object, got {files!r:.80}")
@@ -164,9 +172,9 @@ class Records:
         warnings.warn(text, LedgerWarning, stacklevel=3)
 
 
-def _cell(number: int, key: str, *columns: Any) -> CellId | None:
+def _row(number: int, key: str, *columns: Any) -> Row | None:
     try:
-        return Row.of(number, key, *columns).cell
+        return Row.of(number, key, *columns)
     except ValueError:
         return None
 

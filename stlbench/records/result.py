@@ -6,14 +6,28 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, TypeAdapter
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
 
 from stlbench.errors import one_line, printable
-from stlbench.records.identity import IDENTITY, CellId
-from stlbench.records.observation import Observation
+from stlbench.records.fields import (
+    Amount,
+    Count,
+    Digest,
+    Finite,
+    Line,
+    Name,
+    Robustness,
+    Share,
+    Verdict,
+    Whole,
+    first_problem,
+    safe_line,
+)
+from stlbench.records.identity import IDENTITY, ReadCell
+from stlbench.records.observation import Described
 from stlbench.records.status import Status
 
 TASK_FOLDER = "task_folder"
@@ -30,11 +44,11 @@ RANDOM = "random"
 class Summary:
     """A score without the values of single starts."""
 
-    mean: float
-    minimum: float
-    """NaN if it was not recorded."""
-    satisfaction: float
-    starts: int
+    mean: Robustness
+    minimum: Robustness
+    """NaN if it was not recorded, which no row says."""
+    satisfaction: Share
+    starts: Count
     """The number of starts."""
 
 
@@ -44,15 +58,15 @@ class Score:
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
 
-    robustness: tuple[float, ...]
+    robustness: tuple[Robustness, ...]
     """Robustness of the protocol's formula at t = 0, in the unit of its predicates."""
-    satisfied: tuple[bool, ...]
+    satisfied: tuple[Verdict, ...]
     """Boolean satisfaction, its own verdict: at robustness 0 the two need not agree."""
-    first_failed: Mapping[str, int]
+    first_failed: Mapping[Line, Count]
     """How many starts failed, by the conjunct that failed first."""
     summary: Summary | None = None
     """Instead of the values per start, which are then empty; for many starts only this is stored."""
-    ended_early: float | None = field(default=None, compare=False)
+    ended_early: Share | None = field(default=None, compare=False)
     """Share of the starts, in [0, 1], from which the environment ended the episode before the formula's horizon; None
     where it was not counted. It is no part of the verdict."""
 
@@ -82,6 +96,17 @@ class Score:
         return Score((), (), self.first_failed, summary, self.ended_early)
 
 
+def _possible(score: Score) -> Score:
+    counts = {len(score.robustness), len(score.satisfied)}
+    if counts == {0} and score.summary is None:
+        raise ValueError("it is of no start")
+    if len(counts) == 2 or (counts != {0} and score.summary is not None):
+        raise ValueError("it should have a robustness and a verdict for each start, or a summary alone")
+    if sum(score.first_failed.values()) > score.starts:
+        raise ValueError(f"first_failed has more than its {score.starts} starts")
+    return score
+
+
 def reported(scores: Mapping[str, Score]) -> Score:
     """Of the scores of one policy, protocol -> score, the one that counts: from random starts where there is one."""
     return scores.get(RANDOM, scores[MAIN])
@@ -91,13 +116,13 @@ def reported(scores: Mapping[str, Score]) -> Score:
 class CurvePoint:
     """One checkpoint, scored on the starts for selection."""
 
-    steps: int
+    steps: Whole
     """Environment steps of one sampling time so far, all copies together."""
-    cpu_seconds: float
+    cpu_seconds: Amount
     """CPU seconds of training so far."""
-    satisfaction: float
-    robustness_mean: float
-    starts: int
+    satisfaction: Share
+    robustness_mean: Finite
+    starts: Count
     """From how many of these starts: a checkpoint that is clearly behind is scored from fewer than a good one."""
 
 
@@ -118,41 +143,44 @@ class Planned:
 class StoredPolicies:
     """The hashes of a cell's stored policies, and what is needed to use them."""
 
-    selected: str
+    selected: Digest
     """SHA-256 of the arrays (`saved_policies.digest`), 64 hex digits."""
-    final: str
-    observation_size: int
+    final: Digest
+    observation_size: Whole
     """D: numbers in the observations that they act on."""
     agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
     """On the track `tuned`, the recipe's parameters of the agent; empty on other tracks, where the task has them."""
-    hold: int | None = None
+    hold: Count | None = None
     """On the track `tuned`, the steps for which the recipe holds an action; None if the task's own number holds."""
-    observation: Observation | None = None
+    observation: Described | None = None
     """What the numbers of their observations mean; None where it was not recorded."""
+
+
+_Score = Annotated[Score, AfterValidator(_possible)]
 
 
 @dataclass(frozen=True)
 class Measurement:
     """The measurements of one finished cell."""
 
-    selected: Mapping[str, Score]
+    selected: Mapping[Line, _Score]
     """Protocol -> score of the best checkpoint, chosen on other starts than these. `MAIN` is always there."""
-    final: Mapping[str, Score]
-    """The same for the policy at the end of training."""
-    selected_steps: int
+    final: Mapping[Line, _Score]
+    """The same for the policy at the end of training, by the same protocols."""
+    selected_steps: Whole
     """Environment steps at which the selected checkpoint was taken."""
     curve: tuple[CurvePoint, ...]
-    training_cpu_seconds: float
+    training_cpu_seconds: Amount
     """CPU seconds of training alone, without evaluations."""
-    training_wall_seconds: float
-    cpu_seconds: float
+    training_wall_seconds: Amount
+    cpu_seconds: Amount
     """CPU seconds of the whole cell: training, checkpoints, evaluation."""
-    wall_seconds: float
-    env_steps: int
+    wall_seconds: Amount
+    env_steps: Whole
     """Environment steps of one sampling time that training used."""
-    reward_nanoseconds: float
+    reward_nanoseconds: Amount
     """CPU time of the method's reward per step and copy, in nanoseconds, measured apart on a batch of 1024."""
-    inputs_added: int
+    inputs_added: Whole
     """Inputs that the method added to the policy's observation."""
     planned: Planned | None = None
     """None for policies that were learned."""
@@ -170,33 +198,52 @@ class Measurement:
         return next(point for point in self.curve if point.steps == self.selected_steps)
 
 
+def _complete(measured: Measurement) -> Measurement:
+    if MAIN not in measured.selected:
+        raise ValueError(f"selected has no score by the protocol {MAIN}")
+    if measured.selected.keys() != measured.final.keys():
+        raise ValueError("selected and final have other protocols")
+    if measured.curve and all(point.steps != measured.selected_steps for point in measured.curve):
+        raise ValueError(f"the curve has no checkpoint at selected_steps, {measured.selected_steps}")
+    return measured
+
+
 @dataclass(frozen=True)
 class Result:
-    """One row of the ledger. Its texts, which plugins wrote, are safe for any file and any terminal."""
+    """One row of the ledger. Its texts, which plugins wrote, are safe for any file and any terminal.
 
-    id: CellId
-    key: str
+    The annotations, and the functions that they name, are the rules for a row that is read (`from_json`).
+    """
+
+    id: ReadCell
+    key: Name
     """Hash of what can change the result (see `plan.Cell`)."""
     status: Status
     reason: str = ""
     """One line, where status is not `done`."""
     details: str = field(default="", repr=False)
     """Traceback, where there is one."""
-    measurement: Measurement | None = None
+    measurement: Annotated[Measurement, AfterValidator(_complete)] | None = None
     """Present exactly where status is `done`."""
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Versions, machine, jobs, time: facts that may explain a result and are no part of its key."""
 
     def __post_init__(self) -> None:
-        provenance = {printable(name): printable(text) for name, text in self.provenance.items()}
+        provenance = {safe_line(name): safe_line(text) for name, text in self.provenance.items()}
         safe = {"reason": one_line(self.reason), "details": printable(self.details), "provenance": provenance}
         for name, value in safe.items():
             object.__setattr__(self, name, value)
 
 
+def _measured_if_done(result: Result) -> Result:
+    if (result.measurement is not None) != (result.status == "done"):
+        raise ValueError("a cell has a measurement exactly where its status is done")
+    return result
+
+
 @lru_cache
 def _adapter() -> TypeAdapter[Result]:
-    return TypeAdapter(Result)
+    return TypeAdapter(Annotated[Result, AfterValidator(_measured_if_done)])
 
 
 def to_json(result: Result) -> str:
@@ -220,9 +267,12 @@ def plain(text: str | bytes) -> Any:
 
 
 def from_json(text: str | bytes) -> Result:
-    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+    """The inverse of `to_json`. Raises `ValueError` on anything else, in one line: which rule is broken, and where."""
     content = plain(text)
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
     identity = {name: content.pop(name) for name in IDENTITY if name in content}
-    return _adapter().validate_python({"id": identity, **content})
+    try:
+        return _adapter().validate_python({**content, "id": identity})
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from error

@@ -7,14 +7,17 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self, cast, get_args
+from typing import Any, NamedTuple, Self
 
-from stlbench.records.identity import CellId, Track
+from pydantic import TypeAdapter, ValidationError
+
+from stlbench.records.fields import Name, Whole, first_problem
+from stlbench.records.identity import IDENTITY, CellId, ReadCell
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import Measurement, Result, Score, from_json, reported, to_json
 from stlbench.records.status import Status
-from stlbench.registry.choices import parse_choice
 
 _NESTED = ("selected", "final", "curve", "planned", "policies")
 
@@ -50,29 +53,40 @@ _NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training
 
 class Row(NamedTuple):
     number: int  # rows that were recorded later have greater numbers
-    key: str
+    key: Name
     status: Status
-    failures: int  # how often in a row the cell has failed
+    failures: Whole  # how often in a row the cell has failed
     again: bool  # whether the next run measures the cell
-    cell: CellId
+    cell: ReadCell
 
     @classmethod
-    def of(cls, number: int, key: str, status: Status, failures: int, again: int, *identity: str | int) -> Self:
+    def of(cls, number: int, key: object, status: object, failures: object, again: object, *identity: object) -> Self:
         """From a rowid and the columns `LISTED`. Raises `ValueError` if they are damaged."""
-        if status not in get_args(Status):
-            raise ValueError(f"no status {status!r:.80}")
-        return cls(number, key, status, failures, bool(again), cell_of(*identity))
+        named = dict(zip(IDENTITY, identity, strict=True))
+        row: Self = _valid(cls, (number, key, status, failures, again, named))
+        return row
+
+    def is_of(self, result: Result) -> bool:
+        """Whether the columns say what the result says."""
+        return (self.key, self.status, self.cell) == (result.key, result.status, result.id)
 
 
-def cell_of(*identity: str | int) -> CellId:
+def cell_of(*identity: object) -> CellId:
     """The cell of the columns `IDENTITY`. Raises `ValueError` if they are damaged."""
-    task, method, agent, seed, budget, track = identity
-    if not isinstance(seed, int):
-        raise ValueError(f"a seed should be a number, got {seed!r:.80}")
-    if track not in get_args(Track):
-        raise ValueError(f"no track {track!r:.80}")
-    of_task, of_method, of_agent = (parse_choice(str(part)) for part in (task, method, agent))
-    return CellId(of_task, of_method, of_agent, seed, str(budget), cast(Track, str(track)))
+    cell: CellId = _valid(ReadCell, dict(zip(IDENTITY, identity, strict=True)))
+    return cell
+
+
+def _valid(kind: Any, value: object) -> Any:
+    try:
+        return _adapter(kind).validate_python(value)
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from error
+
+
+@lru_cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
 
 
 def texts(cell: CellId) -> tuple[str | int, ...]:

@@ -58,7 +58,10 @@ def read_cell(results: Path, result: Result) -> SavedTraces:
     path = cell_files(results, result.id, result.key).traces
     if not path.is_file():
         raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell")
-    return read_saved(path)
+    saved, starts = read_saved(path), 0 if result.measurement is None else result.measurement.selected[MAIN].starts
+    if len(saved.samples) != starts:
+        raise UsageError(f"{path}: it has traces from {len(saved.samples)} starts, and its row says {starts}")
+    return saved
 
 
 def read_saved(path: Path) -> SavedTraces:

@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.identity import IDENTITY
@@ -109,12 +110,22 @@ def _make(database: sqlite3.Connection) -> None:
         database.execute(f"PRAGMA user_version = {VERSION}")
 
 
+class _Connection(sqlite3.Connection):
+    """SQLite's errors quote names of the file. Where these are no UTF-8, Python raises another error."""
+
+    def execute(self, *query: Any) -> sqlite3.Cursor:
+        try:
+            return super().execute(*query)
+        except UnicodeDecodeError as error:
+            raise sqlite3.DatabaseError(f"a name in it is no UTF-8 ({one_line(error)})") from error
+
+
 def _guarded(uri: str) -> sqlite3.Connection:
     """A connection on which a file from a stranger can cost only so much memory and time.
 
     SQLite then calls a longer value "too big", and a query that takes more steps "interrupted".
     """
-    database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
+    database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, factory=_Connection)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
     _allow(database, _OPENING)
     database.execute("PRAGMA trusted_schema = OFF")

@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 from pydantic import TypeAdapter
 
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId
+from stlbench.records.identity import CellId, ReadCell
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
@@ -123,7 +123,7 @@ class _Planned:
 
 @cache
 def _identity() -> TypeAdapter[CellId]:
-    return TypeAdapter(CellId)
+    return TypeAdapter[CellId](ReadCell)
 
 
 def _without_path(result: Result) -> Result:

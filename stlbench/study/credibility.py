@@ -22,7 +22,7 @@ import numpy as np
 from stlbench.contract import System
 from stlbench.errors import UsageError, cause, one_line
 from stlbench.records.outputs import cell_files
-from stlbench.records.result import MAIN, Measurement, Result, Score
+from stlbench.records.result import MAIN, Measurement, Result, Score, from_json, to_json
 from stlbench.records.saved_traces import read_cell
 from stlbench.registry import plugins
 from stlbench.rollout import referee
@@ -41,8 +41,16 @@ def contradiction(cell: Cell, result: Result, folder: Path, seconds: float = mat
     """
     if result.measurement is None:
         return None
-    of_traces = _of_traces(cell, result, result.measurement.selected[MAIN], folder)
-    return next(chain(_of_scores(result.measurement), _of_clocks(result.measurement, seconds), of_traces), None)
+    numbers = chain(_of_scores(result.measurement), _of_clocks(result.measurement, seconds), _of_row(result))
+    return next(chain(numbers, _of_traces(cell, result, result.measurement, folder)), None)
+
+
+def _of_row(result: Result) -> Iterator[str]:
+    """What is recorded can be read again."""
+    try:
+        from_json(to_json(result))
+    except ValueError as error:
+        yield f"its row cannot be read again: {error}"
 
 
 def _of_scores(measured: Measurement) -> Iterator[str]:
@@ -54,7 +62,7 @@ def _of_scores(measured: Measurement) -> Iterator[str]:
 
 def _impossible(score: Score) -> Iterator[str]:
     """A formula that is satisfied has a robustness of at least 0, and one that is violated at most 0."""
-    of_starts = zip(score.robustness, score.satisfied, strict=True)
+    of_starts = zip(score.robustness, score.satisfied, strict=False)  # `_of_row` says where one has more
     for start, (robustness, satisfied) in enumerate(of_starts):
         if (robustness < 0 and satisfied) or (robustness > 0 and not satisfied):
             yield f"robustness {robustness:g} from start {start}, which is {'' if satisfied else 'not '}satisfied"
@@ -82,7 +90,7 @@ def _of_clocks(measured: Measurement, seconds: float) -> Iterator[str]:
         yield f"its clock cannot be right: it says {measured.wall_seconds:.3g} s, and was away for {seconds:.3g} s"
 
 
-def _of_traces(cell: Cell, result: Result, recorded: Score, folder: Path) -> Iterator[str]:
+def _of_traces(cell: Cell, result: Result, measured: Measurement, folder: Path) -> Iterator[str]:
     """The main score is that of the recorded traces, which begin where the report's starts are."""
     try:
         task = cell.load_task()
@@ -93,7 +101,7 @@ def _of_traces(cell: Cell, result: Result, recorded: Score, folder: Path) -> Ite
         elif isinstance(task.dynamics, System) and not _close(traces.samples[:, 0], task.system.signals(begun)):
             yield "its traces do not begin at the report's starts"
         else:
-            yield from _other_score(task, recorded, referee.score(task, traces.samples))
+            yield from _other_score(task, measured.selected[MAIN], referee.score(task, traces.samples))
     except (UsageError, ValueError) as error:
         yield f"its traces cannot be scored again: {error}"
 

@@ -97,13 +97,16 @@ class Results:
         `maximised`, reward or formula, and `grid_value`, what the plan expects, are of policies that were planned, and
         missing for those that were learned.
         """
-        provenance = tuple(dict.fromkeys(name for result in self.results for name in result.provenance))
+        own = ("status", "reason", *_NUMBERS, *_PLANNED)
+        named = dict.fromkeys(name for result in self.results for name in result.provenance)
+        provenance = tuple(name for name in named if name not in (*IDENTITY, *own))
         rows: dict[CellId, Mapping[str, Any]] = {cell: {"status": NOT_RUN, "reason": ""} for cell in self.missing}
         for result in self.results:
             columns = numbers(result.measurement) if result.measurement else {}
             known = {name: columns[name] for name in (*_NUMBERS, *_PLANNED) if name in columns}
-            rows[result.id] = {"status": result.status, "reason": result.reason, **known, **result.provenance}
-        table = _table(sorted(rows.items()), ("status", "reason", *_NUMBERS, *_PLANNED, *provenance))
+            facts = {name: result.provenance[name] for name in provenance if name in result.provenance}
+            rows[result.id] = {"status": result.status, "reason": result.reason, **known, **facts}
+        table = _table(sorted(rows.items()), (*own, *provenance))
         return table.astype(dict.fromkeys(_COUNTS, "Int64"))
 
     def robustness(self) -> pd.DataFrame:

@@ -237,3 +237,13 @@ def test_comparisons_are_those_of_the_report(tmp_path):
     assert row["verdict"]
     empty = Results.of(made[:3], tmp_path).comparisons()
     assert (len(empty), list(empty.columns)) == (0, list(table.columns))
+
+
+def test_a_fact_with_the_name_of_a_column_takes_no_place_in_the_table(tmp_path):
+    """The table's own columns stay numbers, also where a stranger's fact has such a name."""
+    made = replace(result(), provenance={"env_steps": "many", "task": "other", "machine": "m"})
+    raised = replace(result(seed=1, status="raised"), provenance={"env_steps": "many"})
+    cells = Results.of([made, raised], tmp_path).cells()
+    assert list(cells.env_steps.fillna(-1)) == [2000, -1]
+    assert list(cells.task) == ["hold-disc", "hold-disc"]
+    assert list(cells.machine.fillna("")) == ["m", ""]
