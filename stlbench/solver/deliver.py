@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import GymTask
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records import npz, stored
-from stlbench.records.outputs import write
+from stlbench.records.outputs import inside, write
 from stlbench.records.result import LEARNED, MAIN, Result
 from stlbench.records.saved_policies import read
 from stlbench.report import Report, condense
@@ -134,7 +134,11 @@ class Delivery:
     def _film(self) -> None:
         filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)
         for path in filmed.paths:
-            path.replace(self.folder / f"film{path.suffix}")
+            target = inside(self.folder / f"film{path.suffix}", self.folder)
+            try:
+                path.replace(target)
+            except OSError as error:
+                raise unwritable(f"cannot write {target}", error) from error
 
     # ------------------------------------------------------------------------------------------------------- the text
 

@@ -11,17 +11,20 @@ from typing import Any
 
 import numpy as np
 import yaml
+from pydantic import BaseModel
 
 from stlbench.contract import GymTask
-from stlbench.errors import UsageError
-from stlbench.records.outputs import write
+from stlbench.errors import UsageError, one_line
+from stlbench.records.outputs import inside, write
 from stlbench.records.result import Score
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
 from stlbench.solver import tries, witness
-from stlbench.solver.problem import Problem, content_of
+from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
+from stlbench.task.entry import Positive
+from stlbench.task.named_code import file_of
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
@@ -54,13 +57,12 @@ class Posed:
     @property
     def state(self) -> dict[str, Any]:
         """The content of `solve.json`: the problem, the minutes, and the methods that race."""
-        state: dict[str, Any] = json.loads((self.folder / _ASKED).read_text(encoding="utf-8"))
-        return state
+        return _state(self.folder)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of it, in a line each."""
-        return tuple(self.state["notes"])
+        return tuple(map(one_line, self.state["notes"]))
 
     def remember(self, **facts: Any) -> None:
         """Write facts into `solve.json`."""
@@ -100,15 +102,17 @@ def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
     """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
 
     Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal, an environment
-    that ends at once, or a folder that has another problem.
+    that ends at once, or a folder that has another problem, code that is not this problem's, or links.
     """
     asked, home = folder / _ASKED, folder / TASK.name
+    for path in folder.iterdir() if folder.is_dir() else ():
+        inside(path, folder)  # all that is written, before anything is trained
     if asked.is_file():
-        state = json.loads(asked.read_text(encoding="utf-8"))
         if not is_of(problem, folder):
-            raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
+            raise UsageError(f"{folder} has another problem, {_shown(_state(folder)['problem'])}; name another folder")
+        _refuse_other_code(problem, home)
         folders.know(home, instead=True)
-        return Posed(folder, state["episode_seconds"])
+        return Posed(folder, _state(folder)["episode_seconds"])
     if home.exists():
         raise UsageError(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
@@ -125,8 +129,47 @@ def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
 
 def is_of(problem: Problem, folder: Path) -> bool:
     """Whether `solve` worked on this problem in this folder."""
-    asked = folder / _ASKED
-    return asked.is_file() and bool(json.loads(asked.read_text(encoding="utf-8"))["problem"] == asdict(problem))
+    return (folder / _ASKED).is_file() and bool(_state(folder)["problem"] == asdict(problem))
+
+
+class _State(BaseModel):
+    """What `solve.json` says."""
+
+    problem: dict[str, Any]
+    notes: tuple[str, ...]
+    episode_seconds: Positive
+    searched: bool = False
+    minutes: float | None = None
+    methods: tuple[str, ...] | None = None
+
+
+def _state(folder: Path) -> dict[str, Any]:
+    path = folder / _ASKED
+    try:
+        return _State.model_validate_json(path.read_bytes()).model_dump()
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} is not as `stlbench solve` writes it; name another folder") from error
+
+
+def _refuse_other_code(problem: Problem, home: Path) -> None:
+    """Raise `UsageError` if the folder of the task has anything that runs and that this problem would not write there.
+
+    The folder may be of a stranger who knows the problem. What Python compiled there is deleted, as it may be of
+    another source.
+    """
+    file = file_of(home)
+    for path in home.iterdir():
+        inside(path, home)
+    shutil.rmtree(home / "__pycache__", ignore_errors=True)
+    code = {name: text.encode() for name, text in code_beside(problem).items()}
+    for name in sorted({path.name for path in home.iterdir()} | code.keys() - {_FILE}):
+        if name != _FILE and not ((home / name).is_file() and (home / name).read_bytes() == code.get(name)):
+            raise UsageError(f"{home / name} is not as this solve writes it; remove {home.parent}, or name another")
+    given = given_to_code(file)
+    for name, value in given_to_code(problem).items():
+        if given[name] != value:
+            got = one_line(f"{name} should be {value!r}, as the problem has it, got {given[name]!r}")
+            raise UsageError(f"{home / _FILE}: {got}")
 
 
 def _shown(problem: Mapping[str, Any]) -> str:
@@ -135,9 +178,11 @@ def _shown(problem: Mapping[str, Any]) -> str:
 
 def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], float]:
     """Write the folder of the task; notes, and the seconds of an episode."""
-    content = content_of(problem, home)
+    content = content_of(problem)
     content["budgets"] = {"probe": _probe(content["steps"])}
     _write(home / _FILE, content)
+    for name, text in code_beside(problem).items():
+        write(home / name, text)
     folders.know(home, instead=True)
     task = load_task(TASK)
     tries.try_at_random(task)

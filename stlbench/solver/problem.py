@@ -12,11 +12,10 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean, one_line
-from stlbench.records.outputs import write
 from stlbench.registry import folders, plugins
 from stlbench.stl.language.structure import unbounded, walk
-from stlbench.task import Task, load_task
-from stlbench.task.file import EarlyEnd
+from stlbench.task import load_task
+from stlbench.task.file import EarlyEnd, Environment, TaskFile
 from stlbench.task.gym_sketch import info_ends, sketch
 
 _NOTHING = 1e-300  # bounds are rounded outward, 0 too
@@ -46,12 +45,41 @@ class Problem:
     """What the environment is made with."""
 
 
-def content_of(problem: Problem, home: Path) -> dict[str, Any]:
-    """The content of its task file, without budgets; code that the task has is written into the folder `home`.
+def content_of(problem: Problem) -> dict[str, Any]:
+    """The content of its task file, without budgets.
 
     Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal.
     """
-    return _of_task(problem, home) if _is_task(problem.environment) else _of_environment(problem)
+    return _of_task(problem) if _is_task(problem.environment) else _of_environment(problem)
+
+
+def code_beside(problem: Problem) -> Mapping[str, str]:
+    """The code beside the task file, file -> text: that of the task's own folder, or a class that inherits from the
+    installed one. Raises `UsageError` where there is no such task."""
+    if not _is_task(problem.environment):
+        return {}
+    task = load_task(problem.environment)
+    kind = type(task.dynamics)
+    if (place := folders.place_of(task.choice.name)) is not None:
+        return {path.name: path.read_text(encoding="utf-8") for path in place.glob("*.py")}
+    if kind.__module__.endswith("."):  # a task that is a file alone has no class
+        return {}
+    lines = f'"""The dynamics of the task {task.name}."""\n\nfrom {kind.__module__} import {kind.__name__} as Base\n'
+    return {"system.py": f'{lines}\n\nclass Solved(Base):\n    """The same."""\n'}
+
+
+def given_to_code(source: Problem | TaskFile) -> Mapping[str, Any]:
+    """What a task file gives to code: which environment is made, with which arguments; or the parameters of a system.
+
+    Raises `UsageError` where there is no such task.
+    """
+    if isinstance(source, Problem):
+        if _is_task(source.environment):
+            return given_to_code(load_task(source.environment).file)
+        environment, parameters = Environment(id=source.environment, kwargs=dict(source.keywords)), dict[str, Any]()
+    else:
+        environment, parameters = source.environment or Environment(), source.parameters
+    return {"parameters": parameters, **environment.model_dump(include={"id", "api", "kwargs", "drawn"})}
 
 
 def _is_task(name: str) -> bool:
@@ -64,8 +92,8 @@ def _is_task(name: str) -> bool:
 # ------------------------------------------------------------------------------------------------------------ of a task
 
 
-def _of_task(problem: Problem, home: Path) -> dict[str, Any]:
-    """The content of the file of a task, without what helps by hand; its code is written beside it."""
+def _of_task(problem: Problem) -> dict[str, Any]:
+    """The content of the file of a task, without what helps by hand."""
     if problem.signals:
         raise UsageError(f"{problem.environment} is a task with its own signals; --signal is for an environment")
     task = load_task(problem.environment)
@@ -78,21 +106,7 @@ def _of_task(problem: Problem, home: Path) -> dict[str, Any]:
         content["formula"], content["title"] = str(formula), f"{problem.formula} on {problem.environment}"
     if problem.terminated is not None:
         content["terminated"] = problem.terminated
-    _write_code(task, home)
     return content
-
-
-def _write_code(task: Task, home: Path) -> None:
-    """The code of the folder: that of the task's own folder, or a class that inherits from the installed one."""
-    kind = type(task.dynamics)
-    if (place := folders.place_of(task.choice.name)) is not None:
-        for path in place.glob("*.py"):
-            write(home / path.name, path.read_text(encoding="utf-8"))
-    elif not kind.__module__.endswith("."):  # a task that is a file alone has no class
-        lines = (
-            f'"""The dynamics of the task {task.name}."""\n\nfrom {kind.__module__} import {kind.__name__} as Base\n'
-        )
-        write(home / "system.py", f'{lines}\n\nclass Solved(Base):\n    """The same."""\n')
 
 
 # ---------------------------------------------------------------------------------------------------- of an environment

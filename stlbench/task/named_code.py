@@ -6,23 +6,30 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from stlbench.errors import UsageError
 from stlbench.registry.fingerprint import TASK_FILE
-from stlbench.task.file import Environment
+from stlbench.task.file import Environment, TaskFile
 from stlbench.task.reading import read_task_file
 
 
 def code_of(home: Path) -> tuple[str, ...]:
     """What the folder of a task runs, in a few words each; none where it is data alone.
 
-    Ask it before the folder is known (`folders.know`), where the user did not name that folder as a task.
-
-    Raises:
-        OSError: there is no such folder, or it has no readable task file.
-        UsageError: the task file has errors.
+    Ask it before the folder is known (`folders.know`), where the user did not name that folder as a task. Raises
+    `UsageError` as `file_of`.
     """
-    environment = read_task_file((home / TASK_FILE).read_text(encoding="utf-8"), home.name).environment
+    environment = file_of(home).environment
     files = sorted(path.name for path in home.iterdir() if path.suffix.lower() == ".py")
     return (*files, *(imported(environment) if environment else ()))
+
+
+def file_of(home: Path) -> TaskFile:
+    """The task file of a folder, by itself. Raises `UsageError` where there is none, or it has errors."""
+    path = home / TASK_FILE
+    try:
+        return read_task_file(path.read_text(encoding="utf-8"), home.name)
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
 
 
 def imported(environment: Environment) -> Iterator[str]:
