@@ -62,7 +62,7 @@ def derive_seed(*parts: str | int) -> int:
 
 
 HARNESS = 1
-"""Which state of stlbench's own code a result is of. Raise it where `tests/study/test_witnesses.py` says so."""
+"""Which state of stlbench's own code a result is of. Raise it where `tests/study/test_pinned_bits.py` says so."""
 PARTS = ("harness", "task", "method", "agent", "packages")
 """Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
 distributions that the plugins import."""
