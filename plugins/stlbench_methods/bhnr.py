@@ -31,8 +31,8 @@ class Bhnr(RewardMethod):
     Args:
         mode: `sliding` pays the value of the last `window` samples at every step. `block` divides an episode into
             blocks of so many samples. In the source each transition of a block is paid the block's value, in
-            hindsight; here their sum is paid at the block's last transition, and 0 before it. Blocks of 2 samples or
-            fewer are worth 0.
+            hindsight; here their sum is paid at the block's last transition, and 0 before it. An operator that observes
+            one sample counts in that sample's block. Blocks of 2 samples or fewer are worth 0.
         window: samples. The source has blocks of 15, `auto-shaping` the last 10, `reward_shaping` a twentieth of the
             episode.
         semantics: `classic` is the robustness; for `lse`, `gilpin`, `agm` and `gmsr` see `stlbench.stl.semantics`.
@@ -56,8 +56,8 @@ class Bhnr(RewardMethod):
         super().__init__(specification)
         values = _values(specification, semantics, sharpness)
         outer, self._join = outer_windows(specification.formula, values.semantics)
-        self._parts = [NewestSamples(each, specification, values, window) for each in outer]
         self._window, self._blocks = window, mode == "block"
+        self._parts = [NewestSamples(each, specification, values, window, self._blocks) for each in outer]
         self.memory_size = sum(part.size for part in self._parts)
         ends = [np.array(part.ends) for part in self._parts]
         low, high = np.stack([*ends, self._join([certain(each) for each in ends]).value], axis=1)
@@ -108,12 +108,14 @@ def _values(specification: Specification, semantics: Reading, sharpness: float) 
 class NewestSamples(Window):
     """The value of F phi or G phi on some of the last `count` samples, whose leaves are the memory (N, size).
 
-    It counts at the steps which it observes.
+    It counts at the steps which it observes; where that is one, and there are blocks, up to the end of its block.
     """
 
-    def __init__(self, outer: Outer, specification: Specification, values: Values, count: int) -> None:
+    def __init__(self, outer: Outer, specification: Specification, values: Values, count: int, blocks: bool) -> None:
         super().__init__(outer, specification, values)
         self._count, self.size = count, count * len(self.phi.leaves)
+        self._end = self.last + self.ahead
+        self._until = -(-self._end // count) * count if blocks and self.first == self._end else self._end
         few, many = self.ends_of(1), self.ends_of(count)
         self.ends = float(min(few[0], many[0])), float(max(few[1], many[1]))
 
@@ -129,9 +131,9 @@ class NewestSamples(Window):
         """The value of the samples at steps `begin` (N,) to t (N,), given the leaves of the last (N, count, J)."""
         values = self.phi.clipped(leaves, self.phi_ends)
         steps = t[:, None] - np.arange(self._count)[::-1]
-        read: Truth = steps >= np.maximum(begin, self.first)[:, None]
+        read: Truth = (steps >= np.maximum(begin, self.first)[:, None]) & (steps <= self._end)
         lifted = np.where(read[..., None], self.fold.lift(values), self.fold.empty)
-        counts: Truth = (t >= self.first) & (t <= self.last + self.ahead) & (begin <= t)
+        counts: Truth = (t >= self.first) & (t <= self._until) & (begin <= t)
         value = self.fold.read(self.fold.merged(lifted))
         return Known(np.where(counts, value, 0.0), counts)
 

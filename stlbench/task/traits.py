@@ -56,4 +56,5 @@ def _is_temporal_and(formula: Formula) -> bool:
 
 
 def _overlap(one: Window, other: Window) -> bool:
-    return one.begin < other.end and other.begin < one.end
+    """Whether they share more than a border, or are the same sample."""
+    return one.begin == other.begin == one.end == other.end or (one.begin < other.end and other.begin < one.end)

@@ -47,15 +47,15 @@ def _inside(formula: Formula, begin: int, end: int, at_once: bool) -> Iterator[W
         case Always(a, b, arg):
             yield from _inside(arg, begin + a, end + b, at_once)
         case Eventually(a, b, arg):
-            yield from _inside(arg, begin + a, end + b, False)
+            yield from _inside(arg, begin + a, end + b, at_once and a == b)  # of one sample it is G[a,a]
         case Until(a, b, left, right):
-            yield from _inside(left, begin, end + max(b - 1, 0), at_once)
-            yield from _inside(right, begin + a, end + b, False)
+            yield from _inside(left, begin, end + max(b - 1, 0), at_once and b > 0)
+            yield from _inside(right, begin + a, end + b, at_once and a == b)
         case Release(a, b, left, right):
             yield from _inside(left, begin, end + max(b - 1, 0), False)
             yield from _inside(right, begin + a, end + b, at_once)
         case Historically(a, b, arg) | Once(a, b, arg):
-            yield from _inside(arg, max(0, begin - b), max(0, end - a), False)
+            yield from _inside(arg, max(0, begin - b), max(0, end - a), at_once and b == 0)
         case Since(a, b, left, right):
             yield from _inside(left, max(0, begin - b), end, False)
             yield from _inside(right, max(0, begin - b), max(0, end - a), False)

@@ -34,6 +34,20 @@ def test_blocks_by_hand() -> None:
     assert paid(Bhnr(spec, mode="block", window=3), trace) == pytest.approx([0, 0, 1.5, 0, 0, -3, 0])
 
 
+def test_an_operator_of_one_sample_counts_in_its_block() -> None:
+    """Blocks of 3: samples 1-3, 4-6, 7-9. The margin 2 - x is .75 at 4 and .5 at 5 and 9; 3 - x is at most 2."""
+    trace = [0, 1, 1, 1, 1.25, 1.5, 1, 1, 1, 1.5]
+    for text, expected in [
+        ("F[5,5] x <= 2", [0, 0, 0, 0, 0, 1.5, 0, 0, 0]),
+        ("G[5,5] x <= 2 & F[4,4] G[0,0] x <= 2", [0, 0, 0, 0, 0, 1.5, 0, 0, 0]),
+        ("G[4,4] x <= 2 | G[9,9] x <= 2", [0, 0, 0, 0, 0, 2.25, 0, 0, 1.5]),
+        ("G[5,5] x <= 2 & F[0,9] x <= 3", [0, 0, 6, 0, 0, 1.5, 0, 0, 6]),
+        ("G[0,0] x <= 2", [0] * 9),
+    ]:
+        method = Bhnr(specification(text, BOX, steps=9), mode="block", window=3)
+        assert paid(method, trace) == pytest.approx(expected), text
+
+
 def test_the_last_block_may_be_short() -> None:
     """Blocks of 4 in 7 steps: 4 samples, and 3 samples, worth 2 - x = 1 each."""
     spec = specification("G[0,7] x <= 2", BOX)

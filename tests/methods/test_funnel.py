@@ -151,7 +151,7 @@ class TestAlwaysFromTheStart:
 
 
 class TestOneSample:
-    """x in [-2, 2], rho = x: gamma_0 = 4, rho_max = 2, and gamma_inf = 1, so gamma(t) = 3 * 3^(-t / 4) + 1 by step 4."""
+    """x in [-2, 2], rho = x: gamma_0 = 4, rho_max = 2, gamma_inf = .9: gamma(t) = 3.1 (3.1 / 1.1)^(-t / 4) + .9."""
 
     @pytest.mark.parametrize("variant", ["paper", "code"])
     @pytest.mark.parametrize("activity", ["last-deadline", "literal"])
@@ -162,7 +162,7 @@ class TestOneSample:
         spec = specification(f"{term} x >= 0 & F[4,9] x >= 1", BOX, steps=9)
         method = Funnel(spec, ginf=0.9, activity=activity, variant=variant)
         assert (method.curves[0].t0, method.curves[0].t_star) == (0, 4)
-        gamma = [3.1 * (1.1 / 3.1) ** (t / 4) + 0.9 for t in range(5)]
+        gamma = [3.1 * (3.1 / 1.1) ** (-t / 4) + 0.9 for t in range(5)]
         before = 0.0 if activity == "literal" else gamma[1] - 2
         assert paid(method, 0.0, 1) == pytest.approx(before, abs=NEAR)
         if activity == "last-deadline":

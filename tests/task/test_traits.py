@@ -22,6 +22,9 @@ from stlbench.task.traits import TRAITS, traits
         ("G[0,20] (x >= 1 -> F[0,5] x <= 0)", "again and again, choice, several goals, windows that overlap"),
         ("G[4,9] x >= 1 & G[10,12] x <= 0", "fixed times, several goals"),
         ("x <= 1 U[0,9] y >= 1", "until, invariant"),
+        ("F[5,5] x >= 1 & F[5,5] y <= 1", "several goals, windows that overlap"),
+        ("F[5,5] x >= 1 & F[6,6] y <= 1", "several goals"),
+        ("F[5,5] x >= 1 & F[0,5] y <= 1", "several goals"),
     ],
 )
 def test_the_traits_of_a_form(text: str, expected: str) -> None:

@@ -26,6 +26,14 @@ from stlbench.task.windows import windows, with_parts
         ("x >= 0 R[0,6] y >= 0", [("x >= 0", 0, 5, False), ("y >= 0", 0, 6, True)]),
         ("G[5,9] O[1,2] x >= 0", [("x >= 0", 3, 8, False)]),
         ("x >= 0", [("x >= 0", 0, 0, False)]),
+        # of one sample, F is G, and an until is its right side
+        ("G[0,0] x >= 0 & F[0,0] x >= 1", [("x >= 0", 0, 0, False), ("x >= 1", 0, 0, False)]),
+        ("G[5,5] x >= 0 & F[9,9] x >= 1", [("x >= 0", 5, 5, False), ("x >= 1", 9, 9, False)]),
+        ("G[0,9] F[0,0] x >= 0", [("x >= 0", 0, 9, True)]),
+        ("F[0,0] G[0,9] x >= 0", [("x >= 0", 0, 9, True)]),
+        ("G[0,9] F[2,2] x >= 0", [("x >= 0", 2, 11, False)]),
+        ("G[0,9] (x >= 0 U[0,0] y >= 0)", [("x >= 0", 0, 9, False), ("y >= 0", 0, 9, True)]),
+        ("G[0,9] H[0,0] x >= 0 & G[0,9] O[0,0] y >= 0", [("x >= 0", 0, 9, True), ("y >= 0", 0, 9, True)]),
     ],
 )
 def test_by_hand(formula: str, expected: list[tuple[str, int, int, bool]]) -> None:
