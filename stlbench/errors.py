@@ -102,15 +102,18 @@ LINE, PAGE = 500, 20_000
 _NOTE = 50
 """Characters for how many are left out."""
 
-_UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Control characters but tab and newline, marks that turn the direction of text, and halves of surrogate pairs, which
-no file and no terminal takes."""
+UNSAFE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff"
+    "\ufff9-\ufffb\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
+)
+"""Control characters but tab and newline, what turns the direction of text, breaks lines or is not seen, and halves of
+surrogate pairs, which no file and no terminal takes. The joiners U+200C and U+200D, which some scripts need, stay."""
 
 
 def printable(value: object, most: int = PAGE) -> str:
     """The text of anything, of at most about `most` characters: unsafe ones are escaped, what is too long lacks its
     middle. Never raises, whatever the value's `__str__` does."""
-    return _UNSAFE.sub(_escaped, _shortened(_text(value), most))
+    return UNSAFE.sub(_escaped, _shortened(_text(value), most))
 
 
 def one_line(value: object, most: int = LINE) -> str:
@@ -118,7 +121,7 @@ def one_line(value: object, most: int = LINE) -> str:
     text = _text(value)
     left_out = max(0, len(text) - PAGE)
     ends = text[: PAGE // 2] + text[-PAGE // 2 :] if left_out else text  # the seam is in the middle that a line lacks
-    return _UNSAFE.sub(_escaped, _shortened(" ".join(ends.split()), most, left_out))
+    return UNSAFE.sub(_escaped, _shortened(" ".join(ends.split()), most, left_out))
 
 
 def cause(error: BaseException) -> str:

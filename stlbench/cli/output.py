@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stlbench.errors import UNSAFE
+
 if TYPE_CHECKING:  # `stlbench --help` needs none of it
     from rich.console import Console
 
@@ -46,9 +48,13 @@ def _move_back(kept: int) -> None:
 
 
 def print_json(value: Any) -> None:
-    """Print a value as JSON, once in a command. JSON has no infinity, so that is null, as is NaN."""
+    """Print a value as JSON, once in a command. JSON has no infinity, so that is null, as is NaN.
+
+    What no terminal takes is there as an escape of JSON, which means the same.
+    """
     _APART.close()
-    typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False))
+    text = json.dumps(_finite(value), indent=2, ensure_ascii=False)
+    typer.echo(UNSAFE.sub(lambda match: json.dumps(match[0])[1:-1], text))
 
 
 def _finite(value: Any) -> Any:

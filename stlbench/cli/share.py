@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,13 +12,16 @@ from stlbench.cli.options import Budget, Cell, Folder, From, TaskFolders, Which
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.outputs import inside, write
+from stlbench.records.outputs import csv_value, inside, write
 from stlbench.rollout.questions import Question, plugins_of
 from stlbench.share import onnx
 from stlbench.share.bundle import About, pack
 from stlbench.share.minari import export as export_episodes
 from stlbench.study.plugin_guard import ask_one
 from stlbench.study.results import Results
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def bundle(
@@ -108,11 +111,17 @@ def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> l
     for name, path in zip(TABLES, paths, strict=True):
         table = getattr(results, name)()
         try:
-            content = table.to_csv(index=False) if form == "csv" else table.to_parquet(engine="pyarrow", index=False)
+            content = _csv(table) if form == "csv" else table.to_parquet(engine="pyarrow", index=False)
         except ImportError:
             raise UsageError('Parquet needs the package pyarrow: pip install "stlbench-rl[parquet]"') from None
         write(path, content)
     return paths
+
+
+def _csv(table: pd.DataFrame) -> str:
+    texts = table.select_dtypes(exclude=["number", "bool"]).columns
+    safe = table.assign(**{name: table[name].map(csv_value) for name in texts})
+    return str(safe.rename(columns=csv_value).to_csv(index=False))
 
 
 def export_policy(

@@ -16,7 +16,7 @@ from stlbench.cli.common import warn
 from stlbench.cli.options import Budget, Cell, Folder, completed
 from stlbench.cli.output import Json, table
 from stlbench.cli.show_task import task
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.identity import OUTSIDE
 from stlbench.records.outputs import cell_files, end_of_log
 from stlbench.records.result import Result, to_json
@@ -135,7 +135,7 @@ def _method_facts(name: str) -> dict[str, Any]:
         "distribution": plugin.distribution,
         "version": plugin.version,
         "class": plugin.entry_point.value,
-        "source": (inspect.getdoc(sys.modules[kind.__module__]) or "").partition("\n")[0],
+        "source": one_line((inspect.getdoc(sys.modules[kind.__module__]) or "").partition("\n")[0]),
         "description": docstring.text,
         "parameters": {
             parameter: facts | {"meaning": meanings.get(parameter, "")}

@@ -12,6 +12,7 @@ from stlbench.cli.common import warn
 from stlbench.contract import System, Unsuitable
 from stlbench.contract.presentation import Described
 from stlbench.errors import cause, one_line
+from stlbench.records.fields import safe_line
 from stlbench.records.identity import Track
 from stlbench.records.result import Score
 from stlbench.registry import plugins
@@ -23,7 +24,7 @@ from stlbench.study.fitting import fit
 from stlbench.study.plugin_guard import ask
 from stlbench.task.task import Task
 
-_AS_STATED = ("title", "source", "steps", "sampling_time", "hold", "starts", "robots", "agents")
+_AS_STATED = ("title", "source", "notes", "steps", "sampling_time", "hold", "starts", "robots", "agents")
 """What the facts have as the task file states it."""
 
 
@@ -37,7 +38,6 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
     actions = _dumped(file.actions) or {axis.name: axis.ends for axis in task.source.axes}
     return {
         **{name: getattr(file, name) for name in _AS_STATED},
-        "notes": " ".join(file.notes.split()),
         "formula": str(task.formula),
         "rewarded": None if file.rewarded is None else str(file.rewarded),
         "horizon": stl.horizon(task.formula),
@@ -112,7 +112,16 @@ def _method(task: Task, name: str) -> dict[str, Any]:
     if (method := fitted.method) is None:
         return {"status": fitted.status, "reason": fitted.reason}
     try:
-        described = dict(method.describe()) if isinstance(method, Described) else {}
+        described = _safe(dict(method.describe())) if isinstance(method, Described) else {}
     except Exception as error:
         return {"status": "raised", "reason": cause(error)}
     return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described
+
+
+def _safe(told: Any) -> Any:
+    """What a plugin says, numbers, texts or lists, with texts that are safe to show."""
+    if isinstance(told, Mapping):
+        return {safe_line(str(name)): _safe(part) for name, part in told.items()}
+    if isinstance(told, list | tuple):
+        return [_safe(part) for part in told]
+    return told if told is None or isinstance(told, int | float) else safe_line(str(told))

@@ -7,7 +7,6 @@ diff; `provenance.json` says how it was measured.
 from __future__ import annotations
 
 import csv
-import io
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -23,7 +22,7 @@ from stlbench.records import stored
 from stlbench.records.fields import Line
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, ReadCell
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import write
+from stlbench.records.outputs import csv_text, write
 from stlbench.records.result import TASK_FOLDER, Result
 from stlbench.records.rows import numbers
 from stlbench.records.schema import is_sqlite
@@ -108,15 +107,13 @@ def load(path: Path) -> Snapshot:
 
 def save(folder: Path, snapshot: Snapshot) -> None:
     """Write a reference. Robustness and satisfaction have all digits, so that equal results are seen to be equal."""
-    table = io.StringIO()
-    writer = csv.DictWriter(table, COLUMNS, extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
+    rows = list[list[object]]()
     for cell in sorted(snapshot.samples):
         values = vars(cell) | vars(snapshot.samples[cell])
         for name in COSTS:
             values[name] = values[name] if values[name] is None else f"{values[name]:.4g}"
-        writer.writerow(values)
-    write(folder / TABLE, table.getvalue())
+        rows.append([values[name] for name in COLUMNS])
+    write(folder / TABLE, csv_text([COLUMNS, *rows]))
     write(folder / PROVENANCE, json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n")
 
 
@@ -129,7 +126,7 @@ def _results(path: Path) -> Snapshot:
 def _reference(folder: Path) -> Snapshot:
     file = folder / PROVENANCE
     try:
-        provenance = _adapter(dict[str, str]).validate_json(file.read_bytes())
+        provenance = _adapter(dict[Line, Line]).validate_json(file.read_bytes())
     except (OSError, ValidationError) as error:
         raise UsageError(f"cannot read {file}: an object of texts is expected") from error
     return Snapshot(_table(folder / TABLE).samples, provenance)

@@ -6,8 +6,11 @@ any file of the user.
 
 from __future__ import annotations
 
+import csv
+import io
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -65,6 +68,23 @@ def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
 
 def _without_links(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NOFOLLOW | getattr(os, "O_CLOEXEC", 0), 0o666)
+
+
+_FORMULA = re.compile(r"(?![+-]?[0-9.]+(e[+-]?[0-9]+)?\Z)[=+\-@\t\r\n＝＋－＠]\W*\w", re.IGNORECASE)  # noqa: RUF001
+"""How a text begins that a spreadsheet would compute, some also by wide signs. Neither a number nor a mark such as =
+is one."""
+
+
+def csv_value(value: object) -> object:
+    """A value for CSV: a text that a spreadsheet would compute has an apostrophe before it; a number is as it is."""
+    return f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
+
+
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
+    """Rows as CSV; None is an empty field."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(map(csv_value, row) for row in rows)
+    return text.getvalue()
 
 
 TRACES, POLICIES, LOGS = "traces", "policies", "logs"  # names of the folders in a folder of results

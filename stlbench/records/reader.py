@@ -168,7 +168,8 @@ class Records:
 
     def _warn(self, what: str, problem: str) -> None:
         way = f"`stlbench verify {self.path.parent} --repair` has it measured again"
-        text = f"{self.path}: {what} is damaged and passed over; {way} ({one_line(problem.splitlines()[0])})"
+        cause = one_line(problem.splitlines()[0])
+        text = f"{self.path}: {one_line(what)} is damaged and passed over; {way} ({cause})"
         warnings.warn(text, LedgerWarning, stacklevel=3)
 
 

@@ -28,7 +28,9 @@ class Damage(NamedTuple):
 
     @property
     def name(self) -> str:
-        return f"the cell with key {self.key}" if self.cell is None else f"{self.cell.name} {self.cell.budget}"
+        return (
+            f"the cell with key {one_line(self.key)}" if self.cell is None else f"{self.cell.name} {self.cell.budget}"
+        )
 
 
 class Verified(NamedTuple):

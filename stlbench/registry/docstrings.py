@@ -11,6 +11,8 @@ from functools import cache
 from itertools import pairwise
 from textwrap import dedent
 
+from stlbench.errors import PAGE, one_line, printable
+
 _SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
 _ITEM = re.compile(r"^(\w+): (.*(?:\n(?: .*|$))*)", re.MULTILINE)
 
@@ -26,7 +28,7 @@ class Docstring:
 
 def read(kind: type) -> Docstring:
     """The docstring of a class; one without it, or without sections, has little to say."""
-    text, *parts = _SECTION.split(inspect.getdoc(kind) or "")
+    text, *parts = _SECTION.split(printable(inspect.getdoc(kind) or ""))
     sections = {name: _items(body) for name, body in zip(parts[::2], parts[1::2], strict=True)}
     return Docstring(text.strip(), sections.get("Args", {}), sections.get("Raises", {}))
 
@@ -54,7 +56,7 @@ def _own(owner: type) -> dict[str, str]:
         return {}
     body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
     return {
-        field.target.id: " ".join(below.value.value.split())
+        field.target.id: one_line(below.value.value, PAGE)
         for field, below in pairwise(body)
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
         if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant) and isinstance(below.value.value, str)

@@ -198,7 +198,7 @@ def _facts(task: Task) -> Facts:
         ("episode", f"{file.steps} steps of {file.sampling_time:g} s, {seconds:g} s together"),
         ("horizon", f"{stl.horizon(task.formula)} steps"),
         ("source", file.source),
-        *([("notes", " ".join(file.notes.split()))] if file.notes else []),
+        *([("notes", file.notes)] if file.notes else []),
     ]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -66,14 +64,13 @@ def write(result: Falsification, folder: Path) -> list[Path]:
     """
     kind = "counterexample" if result.found else "open" if result.open else "least"
     name = file_name(kind, *result.actor.label)
-    task, trace, text = result.actor.task, result.worst.trace, io.StringIO()
+    task, trace = result.actor.task, result.worst.trace
     arrays = {"signals": np.array(task.signals), "coordinates": np.array(list(result.start))}
     npz.write(folder / f"{name}.npz", {**arrays, "traces": trace[None], "start": result.worst.point})
     times = [[round(step * task.file.sampling_time, 9)] for step in range(len(trace))]
     titles, times = (["time"], times) if "time" not in task.signals else ([], [[]] * len(trace))
     rows = ([*time, *sample] for time, sample in zip(times, trace.tolist(), strict=True))
-    csv.writer(text, lineterminator="\n").writerows([[*titles, *task.signals], *rows])
-    outputs.write(folder / f"{name}.csv", text.getvalue())
+    outputs.write(folder / f"{name}.csv", outputs.csv_text([[*titles, *task.signals], *rows]))
     word = "verdict open" if result.open else result.worst.verdict
     title = f"{result.actor.name}: {word}, robustness {result.worst.robustness:.4g}, from {result.start_text(4)}"
     figure = counterexample(task, trace[: result.steps + 1], result.witness, title)

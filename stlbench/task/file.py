@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo
 
 from stlbench import stl
+from stlbench.records.fields import Line, Name
 from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
 
 VIOLATION: Literal["violation"] = "violation"
@@ -69,7 +70,7 @@ class Range(Entry):
 
     low: Finite
     high: Finite
-    unit: str = ""
+    unit: Line = ""
 
 
 class Signal(Range):
@@ -121,7 +122,7 @@ class Axis(Range):
 class Protocol(Entry):
     """A further way to score the policy: another formula, other starts, or both. Robustness is averaged over them."""
 
-    title: str
+    title: Line
     formula: Formula | None = None
     """In the unit that `time` names; the task's own formula where left out."""
     initial: Region | None = None
@@ -153,11 +154,11 @@ class BestKnown(Entry):
 
     robustness: Finite
     """What was reached, in the unit of the formula's predicates."""
-    how: str = ""
+    how: Line = ""
     """What reached it, so that others can repeat it."""
     upper_bound: Finite | None = None
     """More than this is proven to be impossible; None where nothing is proven."""
-    why: str = ""
+    why: Line = ""
     """The proof of the bound, in a sentence."""
 
 
@@ -194,10 +195,10 @@ BY_HAND = ("rewarded", "nested", "features", "training", "agents")
 class TaskFile(Entry):
     """The content of a `task.yaml`."""
 
-    title: str
-    source: str
+    title: Line
+    source: Line
     """Where the task comes from: paper and section."""
-    notes: str = ""
+    notes: Line = ""
     """What a reader of the results should know, such as a choice that the source leaves open."""
     formula: Formula
     rewarded: Formula | None = None
@@ -223,14 +224,14 @@ class TaskFile(Entry):
     What follows is worth what the method would pay on average while the last sample stays; its floor; or what going on
     would be worth.
     """
-    signals: Annotated[dict[str, Signal], Field(min_length=1)]
+    signals: Annotated[dict[Name, Signal], Field(min_length=1)]
     plane: tuple[str, str] | None = None
     """The two signals, across and up, in whose plane figures and films show trajectories."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """Keyword arguments of the system."""
-    actions: dict[str, Axis] = Field(default_factory=dict)
+    actions: dict[Name, Axis] = Field(default_factory=dict)
     """Of an environment, all that it has where left out."""
-    robots: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    robots: dict[Name, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Robot -> its actions, where there is more than one robot; together all actions, in their order."""
     initial: Region | None = None
     """Where the referee's starts lie. None on an environment, where they are seeds."""
@@ -244,11 +245,11 @@ class TaskFile(Entry):
     """The measured baselines; they are measured when they are needed where left out."""
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
-    protocols: dict[str, Protocol] = Field(default_factory=dict)
+    protocols: dict[Name, Protocol] = Field(default_factory=dict)
     agents: dict[str, dict[str, Any]] = Field(default_factory=dict)
     """Agent -> recipe, the same for every method. The first is the task's own agent. A task without any recipe is
     trained on the track `auto` unless another track is named."""
-    budgets: Annotated[dict[str, Budget], Field(min_length=1)]
+    budgets: Annotated[dict[Name, Budget], Field(min_length=1)]
 
     @property
     def box(self) -> dict[str, tuple[float, float]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from stlbench.errors import UsageError, cause, one_line
+from stlbench.errors import UsageError, cause, one_line, printable
 
 _MERGE = "tag:yaml.org,2002:merge"
 
@@ -16,7 +16,7 @@ MOST = 200_000
 
 
 def load_yaml(text: str, place: str) -> Any:
-    """The content of a text, which comes from `place`.
+    """The content of a text, which comes from `place`. Of characters that no terminal takes it has the escapes.
 
     Raises:
         UsageError: it is no YAML, a mapping has a key twice, a value is none of its type (2001-99-99), a text is none
@@ -49,32 +49,34 @@ def _loaded(text: str) -> Any:
     loader = yaml.SafeLoader(text)
     try:
         node = loader.get_single_node()
-        _check_keys(node, set())
+        _check(node, set())
         return None if node is None else loader.construct_document(node)
     finally:
         loader.dispose()
 
 
-def _check_keys(node: yaml.Node | None, seen: set[int]) -> None:
-    """Raises `_TwiceError`: YAML's own reader would take the last value of a key, and say nothing."""
+def _check(node: yaml.Node | None, seen: set[int]) -> None:
+    """Make texts safe. Raises `_TwiceError`: YAML's own reader would take the last value of a key, and say nothing."""
+    if isinstance(node, yaml.ScalarNode):
+        node.value.encode()  # no character is a half of a surrogate pair, which an escape can name
+        node.value = printable(node.value, len(node.value))
     if not isinstance(node, yaml.CollectionNode) or id(node) in seen:
         return
     seen.add(id(node))
     lines = dict[tuple[str, str], int]()
     for part in node.value:
         key, value = part if isinstance(node, yaml.MappingNode) else (None, part)
+        _check(key, seen)
         if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
             name, line = (key.tag, key.value), key.start_mark.line + 1
             if name in lines:
                 raise _TwiceError(f"the key '{one_line(key.value)}' in line {lines[name]} and again in line {line}")
             lines[name] = line
-        _check_keys(value, seen)
+        _check(value, seen)
 
 
 def _size(value: Any, known: dict[int, int]) -> int:
     """How many values there are in it. What is within itself has too many."""
-    if isinstance(value, str):
-        value.encode()  # no character is a half of a surrogate pair, which an escape can name
     if not isinstance(value, Mapping | list | set | tuple):
         return 1
     if id(value) not in known:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,6 +14,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from stlbench.records.outputs import csv_text
 from stlbench.report.tables.table import NOTHING, Column, Plain, Table, Width, show
 
 _MARKDOWN = re.compile(r"([\\`*|<])")
@@ -62,9 +61,7 @@ def _texts(table: Table) -> list[list[str]]:
 
 def to_csv(table: Table) -> str:
     """Header and rows in full, without title and notes; None is an empty field."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([_headings(table), *_plain(table)])
-    return text.getvalue()
+    return csv_text([_headings(table), *_plain(table)])
 
 
 def to_records(table: Table) -> list[dict[str, Plain]]:
