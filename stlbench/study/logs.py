@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Self, cast
@@ -13,6 +15,7 @@ from typing import TYPE_CHECKING, Self, cast
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId
+from stlbench.records.outputs import inside
 from stlbench.records.result import Result
 from stlbench.records.rows import numbers
 from stlbench.registry import plugins
@@ -99,6 +102,11 @@ class Logged:
     """The progress of a run (`study.run.Progress`) that logs are told of too; as a context manager it ends them."""
 
     def __init__(self, logs: dict[str, RunLog], folder: Path, progress: Progress) -> None:
+        """Raises `UsageError` if there is a link in the folder, through which a log might write."""
+        for place, *below in os.walk(folder) if logs else ():
+            for name in chain(*below):
+                if (path := Path(place, name)).is_symlink():
+                    inside(path, folder)
         self._threads = [_Thread(name, log) for name, log in logs.items()]
         self._folder, self._told = folder, progress
         self._said, self._seen = set[str](), dict[tuple[str, str], int]()

@@ -223,6 +223,17 @@ def test_a_run_neither_writes_nor_deletes_behind_a_link(toy: Path, say: Callable
         assert f"{name} is a link, and stlbench writes through none" in done.stderr
 
 
+@pytest.mark.parametrize("name", ["tensorboard", "tensorboard/toy-line"])
+def test_nor_does_a_log(toy: Path, say: Callable, tmp_path: Path, name: str) -> None:
+    outside, link = tmp_path / "outside", tmp_path / "hostile" / name
+    outside.mkdir()
+    link.parent.mkdir(parents=True)
+    link.symlink_to(outside)
+    done = say(*TOY, "--methods", "toy-raw", "--seeds", 1, "--results", tmp_path / "hostile", "--log", "tensorboard")
+    assert (done.exit_code, list(outside.iterdir())) == (2, [])
+    assert f"{name} is a link, and stlbench writes through none" in done.stderr
+
+
 def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(evil: Callable[[str], Path]) -> None:
     folder = evil("no")
     (folder / ".lock").unlink(missing_ok=True)
