@@ -7,6 +7,7 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.records.outputs import cell_files
+from stlbench.records.result import MAIN
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.style import colours_of
@@ -25,7 +26,7 @@ class Run:
         path = cell_files(self.folder, result.id, result.key).traces
         path.parent.mkdir(parents=True, exist_ok=True)
         t = np.linspace(0, 1, task.file.steps + 1)
-        traces = np.stack([2 + t * i / 4 for i in range(4)])
+        traces = np.stack([2 + t * i / 4 for i in range(result.measurement.selected[MAIN].starts)])
         np.savez(path, traces=np.stack([traces] * len(task.signals), axis=-1), signals=task.signals)
         return result
 
