@@ -134,11 +134,16 @@ AGENTS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """What is computed, and the parts of the distribution that its bits depend on."""
+    """What is computed, and of what."""
 
     name: str
-    parts: tuple[str, ...]
+    choices: tuple[tuple[str, str], ...]
+    """Parts of the distribution that its bits depend on, and how each was chosen: `methods.raw`, `raw[hold=2]`."""
     compute: Callable[[], Iterator[bytes]]
+
+    @property
+    def parts(self) -> set[str]:
+        return {part for part, _ in self.choices}
 
     @property
     def digest(self) -> str:
@@ -172,9 +177,10 @@ def trained(task: str, method: str, agent: str | None = None, track: Track = "sh
                 weights = policy.arrays() if isinstance(policy, Policy) else None
                 yield from (np.ascontiguousarray(array).tobytes() for array in (weights or {}).values())
 
-    view = ("view",) if track == "auto" else ()
-    names = f"methods.{choices.parse_choice(method).name}", f"agents.{by.name}"
-    return Row(f"training {task} {method} {by} {track} {budget}", ("harness", *view, *names), compute)
+    view = [("view", "view")] if track == "auto" else []
+    names = (f"methods.{choices.parse_choice(method).name}", method), (f"agents.{by.name}", str(by))
+    harness = (("harness", text) for text in (task, track, budget))
+    return Row(f"training {task} {method} {by} {track} {budget}", (*harness, *view, *names), compute)
 
 
 def _numbers(measurement: Measurement) -> dict[str, Any]:
@@ -216,7 +222,8 @@ def paid(method: str) -> Row:
         for formula in FORMULAS:
             yield _paid(method, formula, walks)
 
-    return Row(f"rewards {method}", ("harness", f"methods.{choices.parse_choice(method).name}"), compute)
+    name = f"methods.{choices.parse_choice(method).name}"
+    return Row(f"rewards {method}", (("harness", "rewards"), (name, method)), compute)
 
 
 def _paid(method: str, formula: str, walks: Any) -> bytes:
@@ -261,7 +268,7 @@ def moves(part: str, name: str) -> Row:
         if system:
             yield np.array([stl.robustness(task.formula, one, task.signals) for one in trace]).tobytes()
 
-    return Row(f"moves {name}", ("harness", "methods.flag", part), compute)
+    return Row(f"moves {name}", (("harness", "moves"), ("methods.flag", "flag"), (part, part)), compute)
 
 
 def _actions(env: StlVectorEnv, generator: np.random.Generator) -> Any:
@@ -351,9 +358,10 @@ def _left(given: Specification, terminated: EarlyEnd) -> Iterator[bytes]:
 
 def rows() -> Iterator[Row]:
     """All of it."""
-    yield Row("rule selection", ("harness",), _selected)
-    yield Row("rule early ends", ("harness", "methods.raw", "methods.flag", "methods.hprs"), _judged)
-    yield Row("rule view", ("harness", "view"), _viewed)
+    yield Row("rule selection", (("harness", "selection"),), _selected)
+    paying = ("methods.raw", "raw"), ("methods.flag", "flag"), ("methods.hprs", "hprs[violation=ends]")
+    yield Row("rule early ends", (("harness", "early ends"), *paying), _judged)
+    yield Row("rule view", (("harness", "rules"), ("view", "view")), _viewed)
     for method, variants in METHODS.items():
         for choice in (method, *(f"{method}[{parameters}]" for parameters in variants)):
             yield paid(choice)
@@ -395,13 +403,23 @@ def parts() -> dict[str, int]:
     return {"harness": cell.HARNESS, "view": FormulaView.revision, **own}
 
 
-def suspects(changed: Iterable[str], unchanged: Iterable[str]) -> list[str]:
-    """The parts that all rows with changed bits depend on, and the fewest others; the harness where there are none."""
-    matrix = {row.name: row.parts for row in rows()}
-    shared = set[str].intersection(*(set(matrix[name]) for name in changed))
-    others = {part: sum(part in matrix[name] for name in unchanged) for part in shared}
-    least = min(others.values(), default=0)
-    return sorted(part for part, count in others.items() if count == least) or ["harness"]
+def suspects(changed: Iterable[str]) -> list[str]:
+    """The parts that explain which rows have changed bits.
+
+    Of all choices the one whose rows are most nearly the changed ones (by Ochiai's coefficient) is to blame first; then
+    the same for the changed rows that are left.
+    """
+    chosen: dict[tuple[str, str], set[str]] = {}
+    for row in rows():
+        for choice in row.choices:
+            chosen.setdefault(choice, set()).add(row.name)
+    left, blamed = {*changed}, set[str]()
+    while left:
+        of_choice = {choice: len(left & names) / (len(left) * len(names)) ** 0.5 for choice, names in chosen.items()}
+        choice = max(of_choice, key=lambda each: of_choice[each])
+        blamed.add(choice[0])
+        left -= chosen[choice]
+    return sorted(blamed)
 
 
 # -------------------------------------------------------------------------------------------------------------- pinning
@@ -421,12 +439,15 @@ def _version(name: str) -> str:
         return "not installed"
 
 
-def computed(environment: Mapping[str, str] = BASELINE) -> dict[str, str]:
+def computed(environment: Mapping[str, str] = BASELINE, program: Path = Path(__file__)) -> dict[str, str]:
     """Row -> digest, by a process of its own. Raises `CalledProcessError`."""
     paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-W", "ignore", __file__, "--compute"]
     ended = subprocess.run(
-        command, env={**os.environ, **environment, "PYTHONPATH": paths}, stdout=subprocess.PIPE, text=True, check=True
+        [sys.executable, "-W", "ignore", str(program), "--compute"],
+        env={**os.environ, "PYTHONPATH": paths, **environment},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
     )
     return dict(json.loads(ended.stdout.splitlines()[-1]))
 
@@ -442,7 +463,7 @@ def problem(digests: Mapping[str, str], pins: Mapping[str, Any], numbers: Mappin
     old = [row.name for row in rows() if row.name in pins["rows"] and not raised.intersection(row.parts)]
     changed = [name for name in old if pins["rows"][name] != digests[name]]
     if changed:
-        found = suspects(changed, {*old} - {*changed})
+        found = suspects(changed)
         part = " or ".join(f"{name} from {numbers[name]} to {numbers[name] + 1}" for name in found)
         return (
             f"bits have changed in {len(changed)} of {len(old)} rows, such as '{changed[0]}': if that is meant, raise "
