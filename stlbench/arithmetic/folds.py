@@ -260,12 +260,14 @@ def semantics(name: SemanticsName, sharpness: float = 10.0) -> Semantics:
             log-sum-exp for the minimum and a weighted mean for the maximum (Gilpin, Kurtz, Lin, L-CSS 2020); `agm`,
             arithmetic-geometric mean (Mehdipour, Vasile, Belta 2019); `gmsr`, generalised mean (Uzun, Elango, Garoche,
             Acikmese, arXiv 2405.10996), with its eps = 1e-8 and p = 1.
-        sharpness: b of `lse` and `gilpin`, > 0. For n values, the minimum of both is up to log(n) / b too low. The
-            maximum of `lse` is up to log(n) / b too high: its sign can be wrong either way. That of `gilpin` is up to
-            log(n) / b too low, so its value is never above the robustness: positive means satisfied.
+        sharpness: b of `lse` and `gilpin`, > 0, finite. For n values, the minimum of both is up to log(n) / b too low.
+            The maximum of `lse` is up to log(n) / b too high: its sign can be wrong either way. That of `gilpin` is up
+            to log(n) / b too low, so its value is never above the robustness: positive means satisfied.
     """
-    if not sharpness > 0:
-        raise ValueError(f"the sharpness is more than 0, got {sharpness}")
+    if not 0 < sharpness < math.inf:
+        raise ValueError(
+            f"the sharpness is a finite number above 0, got {sharpness}; the limit at infinity is 'classic'"
+        )
     soft, weighted = SoftLeast(sharpness=sharpness), WeightedLeast(sharpness=sharpness)
     folds: dict[str, tuple[Fold, Fold]] = {
         "classic": (Least(), Least()),

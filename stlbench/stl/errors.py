@@ -81,7 +81,7 @@ class UnboundedError(ValueError):
 
 
 class UndefinedError(ValueError):
-    """A predicate has no value at a sample that is read: a signal is NaN there, or its arithmetic has none.
+    """A predicate has no value at a sample that is read: a signal is NaN, or its arithmetic has no value or overflows.
 
     Attributes:
         what: the signal or predicate, and what is wrong with it.

@@ -133,3 +133,10 @@ def test_each_value_counts(name: str, given_: list[float]) -> None:
         change = FOLDS[name](values + step * np.eye(3)[i]) - FOLDS[name](values - step * np.eye(3)[i])
         assert change / (2 * step) > 1e-3
     assert stl.semantics("classic").least(values + step * np.eye(3)[1]) == values.min()
+
+
+@pytest.mark.parametrize("sharpness", [math.inf, math.nan, 0.0, -1.0])
+@pytest.mark.parametrize("name", ["lse", "gilpin"])
+def test_a_sharpness_is_finite(name: stl.SemanticsName, sharpness: float) -> None:
+    with pytest.raises(ValueError, match=r"the sharpness is a finite number above 0, got .*'classic'"):
+        stl.semantics(name, sharpness)

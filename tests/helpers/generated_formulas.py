@@ -152,18 +152,18 @@ def naive(formula: Formula, trace: NDArray[np.float64], t: int, strict: bool = F
 
     Strict, an operator without an interval ends with the last step at which its operands can be told.
     """
-    return _defined(formula, t, len(trace) - 1, strict, lambda psi, s: float(margin(psi, NAMES)(trace[s])))
+    return defined(formula, t, len(trace) - 1, strict, lambda psi, s: float(margin(psi, NAMES)(trace[s])))
 
 
 def naive_satisfied(formula: Formula, trace: NDArray[np.float64], t: int, strict: bool = False) -> bool:
     """s_t |= formula from the definition (eq. 1), likewise: a truth is 1, its opposite -1."""
-    truth = _defined(formula, t, len(trace) - 1, strict, lambda psi, s: 1.0 if holds(psi, NAMES)(trace[s]) else -1.0)
+    truth = defined(formula, t, len(trace) - 1, strict, lambda psi, s: 1.0 if holds(psi, NAMES)(trace[s]) else -1.0)
     return truth > 0
 
 
-def _defined(formula: Formula, t: int, last: int, strict: bool, value: Callable[[Predicate, int], float]) -> float:
+def defined(formula: Formula, t: int, last: int, strict: bool, value: Callable[[Predicate, int], float]) -> float:
     def at(part: Formula, s: int) -> float:
-        return _defined(part, s, last, strict, value)
+        return defined(part, s, last, strict, value)
 
     def ahead(a: int, b: int, *parts: Formula) -> range:
         end = min(told(part, last) for part in parts) if strict and b == END else min(t + b, last)

@@ -15,7 +15,7 @@ from stlbench.stl.language.expressions import Binary, Call, Expression, Signal
 from stlbench.stl.language.structure import check_names, require_pointwise, signals, walk
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates import margin
-from stlbench.stl.predicates.dialect import as_array
+from stlbench.stl.predicates.samples import as_array
 from stlbench.stl.recorded.evaluator import cause
 
 

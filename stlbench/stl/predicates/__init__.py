@@ -7,7 +7,7 @@ for many samples, plain floats for one: one writer writes both, with a `dialect`
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.expressions import Expression
-from stlbench.stl.language.structure import as_names, check_names, require_formula, require_pointwise, signals
+from stlbench.stl.language.structure import as_names, check_names, require_formula, require_pointwise, signals, walk
 from stlbench.stl.language.syntax import Formula, Not, Predicate
-from stlbench.stl.predicates.dialect import ARRAYS, FLOATS, as_array, functions, indented
-from stlbench.stl.predicates.writer import ExpressionWriter, FormulaWriter, Reading
+from stlbench.stl.predicates.dialect import ARRAYS, FLOATS, functions, indented
+from stlbench.stl.predicates.samples import as_array
+from stlbench.stl.predicates.writer import ExpressionWriter, FormulaWriter, Reading, may_overflow
 
 #: a function of samples (..., k)
 OfSamples: TypeAlias = Callable[[Any], Any]
@@ -45,15 +46,15 @@ def compile_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negat
     body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
     if not isinstance(body, list):
         return body
-    return _predicate(body, ARRAYS.namespace)
+    return _of_arrays(body, names)
 
 
 @lru_cache(maxsize=256)
 def compile_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) -> OfSample:
     """The signed value of `psi` (of `!psi` if `negated`) at one sample, floats in the order of `names`.
 
-    The function raises UndefinedError where a predicate has no value; where Python alone has none, as for exp(1000),
-    NumPy's counts.
+    The function raises UndefinedError where a predicate has no value; where Python alone has none, as for
+    1 / exp(1000), NumPy's counts.
     """
     body = FormulaWriter(_columns(psi, names), FLOATS, "signed").statements(psi, negated)
     if not isinstance(body, list):
@@ -66,9 +67,10 @@ def write_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) ->
     """The same value as source, where x0, x1, ... are the floats of the sample; for `FLOATS.namespace`.
 
     It raises ArithmeticError or ValueError where only `compile_sample` knows the value, or that there is none. Of one
-    predicate it is the margin, which may be 0 or NaN.
+    predicate that cannot overflow it is the margin, which may be 0 or NaN.
     """
-    alone = isinstance(psi.arg if isinstance(psi, Not) else psi, Predicate) and bool(signals(psi))
+    inner = psi.arg if isinstance(psi, Not) else psi
+    alone = isinstance(inner, Predicate) and bool(signals(psi)) and not may_overflow(inner)
     writer = FormulaWriter(_columns(psi, names), FLOATS, "margin" if alone else "signed")
     value = writer.formula(psi, negated, 0)
     return Written(tuple(writer.lines), value.text, not alone, tuple(writer.used))
@@ -78,17 +80,51 @@ def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
     """The same by way of arrays, which have infinity or NaN where Python raises."""
 
     def run(sample: Sample) -> float:
-        with np.errstate(all="ignore"):
-            value = float(compile_arrays(psi, names, "signed", negated)(np.array(sample, dtype=float)))  # type: ignore[operator]
-        if value != value:
+        values, wrong = evaluated(
+            compile_arrays(psi, names, "signed", negated), psi, names, np.array([sample], dtype=float)
+        )
+        if wrong is not None and wrong.any():
             raise UndefinedError(f"{shorten(str(psi))} has no value") from None
-        return value
+        return float(values[0])
 
     return run
 
 
+def evaluated(
+    compiled: Compiled, psi: Formula, names: tuple[str, ...], samples: Samples
+) -> tuple[Samples, NDArray[np.bool_] | None]:
+    """The values of `psi` by the function `compiled`, and where a predicate has none (...,); None for nowhere."""
+    assert callable(compiled)
+    try:
+        with np.errstate(all="ignore", over="raise"):
+            values: Samples = compiled(samples)
+        if not np.isnan(values).any():
+            return values, None
+    except FloatingPointError:  # of some operation; the value may be finite all the same, as of 1 / exp(x)
+        with np.errstate(all="ignore"):
+            values = compiled(samples)
+    return values, without_value(psi, names, samples)
+
+
+def without_value(psi: Formula, names: tuple[str, ...], samples: Samples) -> NDArray[np.bool_]:
+    """Where some predicate has no value, (..., k) -> (...): it is NaN, or infinite though its signals are finite."""
+    wrong = np.zeros(samples.shape[:-1], dtype=np.bool_)
+    for node in walk(psi):
+        compiled = compile_arrays(node, names, "margin") if isinstance(node, Predicate) else None
+        if callable(compiled):
+            with np.errstate(all="ignore"):
+                values = compiled(samples)
+            read = samples[..., [names.index(name) for name in signals(node)]]
+            wrong |= np.isnan(values) | (np.isinf(values) & np.isfinite(read).all(axis=-1))
+    return wrong
+
+
 def _predicate(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
     return functions(["def predicate(sample):", *indented(body)], namespace)["predicate"]
+
+
+def _of_arrays(body: Sequence[str], names: tuple[str, ...]) -> OfSamples:
+    return _predicate(body, {**ARRAYS.namespace, "as_array": partial(as_array, names=names)})
 
 
 def _columns(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
@@ -151,7 +187,7 @@ def _per_sample(psi: Formula, names: tuple[str, ...], reading: Reading, dtype: t
 def _compile_expression(node: Expression, names: tuple[str, ...]) -> Compiled:
     writer = ExpressionWriter(check_names(node, names), ARRAYS)
     part = writer.expression(node, 0)
-    return _predicate(writer.returning(part), ARRAYS.namespace) if part.value is None else part.value
+    return _of_arrays(writer.returning(part), names) if part.value is None else part.value
 
 
 def _filled(compiled: Compiled, dtype: type) -> OfSamples:

@@ -11,13 +11,11 @@ smallest denormal would do too, but training switches denormals off.)
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from stlbench.arithmetic import SMALLEST
 from stlbench.arithmetic.functions import FUNCTIONS, OPERATIONS
@@ -32,16 +30,6 @@ def zero_side(predicate: Predicate) -> float:
     return SIDE if predicate.op in ("<=", ">=") else -SIDE
 
 
-def as_array(values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array. Raises TypeError for text, or a masked array, whose mask NumPy would drop."""
-    masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
-    if masked is not None and isinstance(values, masked.MaskedArray):
-        raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
-    if isinstance(values, str | bytes):
-        raise TypeError(f"samples are numbers, got {type(values).__name__}")
-    return np.asarray(values)
-
-
 @dataclass(frozen=True)
 class Dialect:
     """How operations are written, and what the names in the source mean."""
@@ -49,13 +37,14 @@ class Dialect:
     signal: str  # a column of the argument `sample`
     templates: Mapping[str, str]
     zero: str  # a statement that gives a margin of 0 the sign of the verdict
+    zero_or_infinite: str  # the same of a margin that may overflow
     namespace: Mapping[str, Any]
     twice: frozenset[str] = frozenset()  # operations that write an operand twice: it must be a name or a constant
     first: str = ""  # a statement that goes before all others
 
 
 def _zero_or_nan(h: float, side: float) -> float:
-    """The signed margin for one that is neither above nor below 0."""
+    """The signed margin for one that is neither above nor below 0, or is infinite."""
     if h == 0.0:
         return side
     raise ArithmeticError
@@ -78,6 +67,7 @@ FLOATS = Dialect(
         "greatest": "({0} if {0} > {1} else {1})",
     },
     zero="if not ({0} > 0.0 or {0} < 0.0): {0} = zero_or_nan({0}, {1})",
+    zero_or_infinite="if not (0.0 < {0} < inf or -inf < {0} < 0.0): {0} = zero_or_nan({0}, {1})",
     namespace={name: row.floats for name, row in FUNCTIONS.items()}
     | {"nan": math.nan, "inf": math.inf, "zero_or_nan": _zero_or_nan}
     | {"ArithmeticError": ArithmeticError, "ValueError": ValueError},
@@ -97,11 +87,12 @@ ARRAYS = Dialect(
         "not": "logical_not({0})",
     },
     zero="{0} = where({0} == 0.0, {1}, {0})",
+    zero_or_infinite="{0} = where({0} == 0.0, {1}, {0})",
     namespace={name: row.arrays for name, row in FUNCTIONS.items()}
     | {"nan": math.nan, "inf": math.inf, "minimum": np.minimum, "maximum": np.maximum, "logical_not": np.logical_not}
     | {"where": np.where, "isnan": np.isnan, "square": np.square, "quotient": OPERATIONS["/"].arrays}
-    | {"type": type, "ndarray": np.ndarray, "as_array": as_array},
-    first="if type(sample) is not ndarray: sample = as_array(sample)",
+    | {"type": type, "ndarray": np.ndarray},
+    first="if type(sample) is not ndarray or sample.dtype.kind not in 'fiu': sample = as_array(sample)",
 )
 
 

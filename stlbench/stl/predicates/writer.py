@@ -18,6 +18,7 @@ import numpy as np
 from stlbench.arithmetic.functions import FUNCTIONS, OPERATIONS
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
+from stlbench.stl.language.structure import walk
 from stlbench.stl.language.syntax import Connective, Formula, Not, Predicate, TrueFormula
 from stlbench.stl.predicates.dialect import Dialect, zero_side
 
@@ -27,6 +28,8 @@ Reading: TypeAlias = Literal["margin", "signed", "holds"]
 DEPTH = 8
 #: most operands of min, max, norm and norminf that are written out; a call would cost as much as all the rest
 WRITTEN_OUT = 4
+#: a constant up to this added to the largest float leaves it as it is
+_ABSORBED = 1e290
 
 #: of constants: what is no function or operator of the language by itself
 _FOLDED: dict[str, Callable[..., Any]] = {
@@ -146,9 +149,22 @@ def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicat
     function = _FOLDED.get(op) or OPERATIONS[op].arrays
     with np.errstate(all="ignore"):
         value = float(function(*map(np.float64, values)))
-    if math.isnan(value):
-        raise UndefinedError(f"a constant of the formula has no value: {shorten(str(node))}")
+    if not math.isfinite(value):
+        fault = "has no value" if math.isnan(value) else "overflows"
+        raise UndefinedError(f"a constant of the formula {fault}: {shorten(str(node))}")
     return value
+
+
+def may_overflow(node: Expression | Predicate) -> bool:
+    """Whether the value may be infinite though all signals are finite; a signal less a constant cannot be."""
+    parts = list(walk(node))
+    plain = all(isinstance(part, Predicate | Signal | Number | Negative) or _adds(part) for part in parts)
+    constants = sum(part.value for part in parts if isinstance(part, Number))
+    return not plain or sum(isinstance(part, Signal) for part in parts) > 1 or constants > _ABSORBED
+
+
+def _adds(part: object) -> bool:
+    return isinstance(part, Binary) and part.op in ("+", "-")
 
 
 class FormulaWriter(ExpressionWriter):
@@ -203,7 +219,8 @@ class FormulaWriter(ExpressionWriter):
         if h.value is not None:
             return constant(h.value or side, base)
         h = self.atom(h, base)
-        self.lines.append(self.dialect.zero.format(h.text, repr(side)))
+        zero = self.dialect.zero_or_infinite if may_overflow(node) else self.dialect.zero
+        self.lines.append(zero.format(h.text, repr(side)))
         return h
 
     def difference(self, node: Predicate, falls: bool, base: int) -> Part:

@@ -16,9 +16,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import ShortTraceError, UndefinedError
-from stlbench.stl.language.structure import as_names, check_names, lookahead, lookbehind, require_formula, unbounded
+from stlbench.stl.language.structure import (
+    as_names,
+    check_names,
+    lookahead,
+    lookbehind,
+    require_formula,
+    signals,
+    unbounded,
+)
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.dialect import as_array
+from stlbench.stl.predicates.samples import as_array
 from stlbench.stl.predicates.writer import Reading
 from stlbench.stl.recorded.evaluator import End, Evaluator, Traces, evaluator
 
@@ -47,7 +55,8 @@ def robustness(formula: Formula, trace: ArrayLike, names: Sequence[str], policy:
 
     Args:
         formula: any formula; intervals in steps. An operator without one reads to the end of the trace.
-        trace: (..., T+1, k) floats in the signals' units; samples that the formula does not read may be NaN.
+        trace: (..., T+1, k) floats in the signals' units, or a table (T+1, k), which is read by the names of its
+            columns. What the formula does not read may be NaN.
         names: the k signals, in the order of the last axis.
         policy: for T < horizon: `strict` is an error; `clip` cuts windows at T as rtamt does (an empty window is +inf
             for G and -inf for F and U). See `robustness_bounds` for a trace that is not over.
@@ -60,7 +69,7 @@ def robustness(formula: Formula, trace: ArrayLike, names: Sequence[str], policy:
         UnknownSignalError: the formula uses a signal not in `names`.
         UndefinedError: a predicate has no value at a sample that is read; a signal is NaN there, or its arithmetic
             has no value.
-        TypeError: the formula is no formula, `names` is text, or the trace is a masked array.
+        TypeError: the formula is no formula, `names` is text, or samples that are read are no real numbers.
         ValueError: shapes, names or policy do not fit.
     """
     return _evaluate("margin", formula, trace, names, _checked(policy), full=False)[0]
@@ -158,16 +167,20 @@ class _Program:
     ahead: int
     behind: int
     to_the_end: bool
+    read: frozenset[str]
     evaluator: Evaluator
 
     def values(self, traces: Traces, hi: int, worst: bool = True) -> Floats:
         """Values (n, hi + 1) at steps 0..hi; UndefinedError where a predicate has none at a sample that is read."""
+        try:
+            with np.errstate(all="ignore", over="raise"):
+                values = self.evaluator(traces, 0, hi, worst)
+            if not np.isnan(values).any():
+                return values
+        except FloatingPointError:  # of some operation
+            pass
         with np.errstate(all="ignore"):
-            values = self.evaluator(traces, 0, hi, worst)
-            if np.isnan(values).any():
-                evaluator(self.formula, self.names, self.reading, checked=True)(traces, 0, hi, worst)
-                raise UndefinedError("the robustness has no value (inf - inf)")  # pragma: no cover - raised above
-        return values
+            return evaluator(self.formula, self.names, self.reading, checked=True)(traces, 0, hi, worst)
 
     def in_chunks(self, flat: NDArray[Any], end: End, count: int, worst: bool) -> Floats:
         """Values (n, count) at steps 0..count-1 of all traces (n, T+1, k), chunk by chunk."""
@@ -184,7 +197,8 @@ class _Program:
 def _program(formula: Formula, names: tuple[str, ...], reading: Reading) -> _Program:
     check_names(formula, names)
     ahead, behind, to_the_end = lookahead(formula), lookbehind(formula), unbounded(formula) is not None
-    return _Program(formula, names, reading, ahead, behind, to_the_end, evaluator(formula, names, reading))
+    read = frozenset(signals(formula))
+    return _Program(formula, names, reading, ahead, behind, to_the_end, read, evaluator(formula, names, reading))
 
 
 def _evaluate(
@@ -192,7 +206,8 @@ def _evaluate(
 ) -> list[Floats]:
     """The values of `formula` at t = 0 or (`full`) at every t; under `interval` their lower and upper bounds."""
     require_formula(formula)
-    program, samples = _program(formula, as_names(names), reading), as_array(trace)
+    program = _program(formula, as_names(names), reading)
+    samples = as_array(trace, program.names, program.read)
     _check_shape(program, samples, end)
     steps = samples.shape[-2]
     count = 1 if not full else steps - program.ahead if end == "strict" else steps

@@ -19,7 +19,7 @@ from stlbench.arithmetic.windows import Values, slide, until
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
 from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Release, Window
-from stlbench.stl.predicates import compile_arrays
+from stlbench.stl.predicates import compile_arrays, evaluated, margin, without_value
 from stlbench.stl.predicates.writer import Reading
 from stlbench.stl.recorded.ranges import unknown
 
@@ -53,7 +53,8 @@ Evaluator: TypeAlias = Callable[[Traces, int, int, bool], Values]
 def evaluator(formula: Formula, names: tuple[str, ...], reading: Reading, checked: bool = False) -> Evaluator:
     """The evaluator of `formula` on traces of the signals `names`.
 
-    Where a predicate has no value at a sample that is read the values are NaN; `checked` raises UndefinedError there.
+    Where a predicate has no value at a sample that is read the values are NaN, or infinite where it overflows;
+    `checked` raises UndefinedError there.
     """
     if not is_temporal(formula):
         return _pointwise(formula, names, reading, checked)
@@ -82,10 +83,13 @@ def _pointwise(psi: Formula, names: tuple[str, ...], reading: Reading, checked: 
         known = traces.samples[:, lo : hi + 1]
         if not callable(compiled):
             return np.full((known.shape[0], hi - lo + 1), float(compiled))
-        values: Values = compiled(known)
-        if checked and np.isnan(values).any():
-            trace, step = np.argwhere(np.isnan(values))[0]
-            raise UndefinedError(cause(psi, names, known[trace, step]), int(lo + step), int(traces.first + trace))
+        if not checked:
+            values: Values = compiled(known)
+        else:
+            values, wrong = evaluated(compiled, psi, names, known)
+            if wrong is not None and wrong.any():
+                trace, step = np.argwhere(wrong)[0]
+                raise UndefinedError(cause(psi, names, known[trace, step]), int(lo + step), int(traces.first + trace))
         if hi < traces.samples.shape[1]:
             return values
         return _pad(values, hi - lo + 1 - known.shape[1], unknown(psi, names, reading, worst))
@@ -95,18 +99,19 @@ def _pointwise(psi: Formula, names: tuple[str, ...], reading: Reading, checked: 
 
 def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> str:
     """Why `psi`, without temporal operators, has no value at `sample` (k,), by the first predicate that has none."""
-    with np.errstate(all="ignore"):
-        for node in walk(psi):
-            margin = compile_arrays(node, names, "signed") if isinstance(node, Predicate) else None
-            if isinstance(node, Predicate) and callable(margin) and np.isnan(margin(sample[np.newaxis])).any():
-                psi = node
-                break
+    for node in walk(psi):
+        if isinstance(node, Predicate) and without_value(node, names, sample):
+            psi = node
+            break
     values = {name: float(sample[names.index(name)]) for name in signals(psi)}
     for name, value in values.items():
         if math.isnan(value):
             return f"signal {shorten(name)!r} is NaN"
+    with np.errstate(all="ignore"):
+        overflows = isinstance(psi, Predicate) and np.isinf(margin(psi, names)(sample))
+    fault = "overflows" if overflows else "has no value (square root below 0, division by 0 or inf - inf)"
     shown = shorten(", ".join(f"{name} = {value:g}" for name, value in values.items()))
-    return f"{shorten(str(psi))} has no value (square root below 0, division by 0 or inf - inf) where {shown}"
+    return f"{shorten(str(psi))} {fault} where {shown}"
 
 
 def _negated(arg: Evaluator) -> Evaluator:
@@ -159,14 +164,36 @@ def _between(formula: Between, left: Evaluator, right: Evaluator) -> Evaluator:
                 return goal
             return joined(_lengthened(left(traces, lo, last - 1, worst), hi - lo), _lengthened(goal, hi - lo), 0)
         near, far = _reach(formula, traces, lo, hi)
+        goals, guards = (lo + near, hi + far), (lo, hi + far - 1)
         if formula.past:
             goals, guards = (lo - far, hi - near), (lo - far + 1, hi)
-        else:
-            goals, guards = (lo + near, hi + far), (lo, hi + far - 1)
         goal = _around(right, traces, *goals, worst, -math.inf)
-        return joined(_around(left, traces, *guards, worst, math.inf), goal, near) if far else goal
+        if not far:
+            return goal
+        read = _on_the_way(formula, traces, lo, hi, near, far)
+        if read == guards:
+            return joined(_around(left, traces, *guards, worst, math.inf), goal, near)
+        guard = np.full((len(goal), guards[1] - guards[0] + 1), math.inf)
+        if read[0] <= read[1]:
+            way = slice(read[0] - guards[0], read[1] - guards[0] + 1)
+            guard[:, way] = _around(left, traces, *read, worst, math.inf)
+        return joined(guard, goal, near)
 
     return run
+
+
+def _on_the_way(formula: Between, traces: Traces, lo: int, hi: int, near: int, far: int) -> tuple[int, int]:
+    """The first and the last step that lie between some step of lo..hi and a goal of the trace; first > last for none.
+
+    Elsewhere the left operand is not read: at step 0 by no operator of the past, nor at the last step of a cut trace.
+    """
+    if formula.past:
+        first = max(lo, near)  # that has a goal at step 0 or after it
+        return (max(1, first - far + 1), hi) if first <= hi else (hi + 1, hi)
+    if traces.end != "clip":
+        return lo, hi + far - 1
+    last = min(hi, traces.last - near)  # that has a goal
+    return (lo, min(last + far, traces.last) - 1) if lo <= last else (lo, lo - 1)
 
 
 def _lengthened(values: Values, count: int) -> Values:

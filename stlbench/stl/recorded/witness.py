@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.language.structure import as_names, lookahead
+from stlbench.stl.language.structure import as_names, lookahead, require_formula, signals
 from stlbench.stl.language.syntax import (
     END,
     And,
@@ -22,7 +22,7 @@ from stlbench.stl.language.syntax import (
     Window,
 )
 from stlbench.stl.predicates import margin
-from stlbench.stl.predicates.dialect import as_array
+from stlbench.stl.predicates.samples import as_array
 from stlbench.stl.recorded import robustness
 from stlbench.stl.recorded.evaluator import Traces, evaluator
 
@@ -87,7 +87,9 @@ def witness(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> Witness
         ValueError: the trace is a batch; a past operator decides whose interval lies before step 0; or as `robustness`
             under `strict`, with its other errors.
     """
-    samples, named = as_array(trace), as_names(names)
+    require_formula(formula)
+    named = as_names(names)
+    samples = as_array(trace, named, signals(formula))
     if samples.ndim != 2:
         raise ValueError(f"a witness is of one trace (T+1, k), got the shape {samples.shape}")
     robustness(formula, samples, named)  # refuses what cannot be evaluated

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.structure import as_names, check_names, require_formula
+from stlbench.stl.language.structure import as_names, check_names, require_formula, signals
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates import compile_arrays
-from stlbench.stl.predicates.dialect import SIDE, as_array
+from stlbench.stl.predicates import compile_arrays, evaluated
+from stlbench.stl.predicates.dialect import SIDE
+from stlbench.stl.predicates.samples import as_array
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.tree import Ends, Interval, Kit, Leaf, Pointwise, Tree, last_step
 from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
@@ -61,7 +62,7 @@ class BatchMonitor:
         check_names(formula, self.names)
         if count < 1:
             raise ValueError(f"a batch has at least 1 trace, got {count}")
-        self.horizon = last_step(formula)
+        self.horizon, self._read = last_step(formula), frozenset(signals(formula))
         self.steps: Steps = np.zeros(count, dtype=np.int64)
         self._tree = Tree(formula, self.names, many(count))
         self._youngest = self._oldest = 0  # of the clocks
@@ -73,10 +74,10 @@ class BatchMonitor:
         Raises:
             UndefinedError: a predicate that is read has no value at a sample: a signal is NaN, or its arithmetic has
                 none. All traces stay as they were before.
-            TypeError: a masked array.
+            TypeError: what is read is no real number, or the array is masked.
             ValueError: the samples are not of shape (n, k).
         """
-        rows = np.array(as_array(samples), dtype=np.float64)
+        rows = np.array(as_array(samples, self.names, self._read), dtype=np.float64)
         if rows.shape != (expected := (len(self.steps), len(self.names))):
             raise ValueError(f"samples have shape {expected} for {', '.join(self.names)}, got {rows.shape}")
         reading = [leaf for leaf in self._tree.leaves if leaf.start <= self._oldest and self._youngest <= leaf.stop]
@@ -284,9 +285,8 @@ def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Callable[[Flo
         return lambda samples, needed: np.full(len(samples), compiled)
 
     def run(samples: Floats, needed: Mask) -> Floats:
-        values: Floats = compiled(samples)
-        wrong = np.isnan(values)
-        if wrong.any() and (wrong & needed).any():
+        values, wrong = evaluated(compiled, psi, names, samples)
+        if wrong is not None and (wrong & needed).any():
             trace = int((wrong & needed).argmax())
             raise UndefinedError(cause(psi, names, samples[trace]), trace=trace)
         return values

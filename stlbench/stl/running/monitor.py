@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 
 from stlbench.stl.language.structure import as_names, check_names, require_formula
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.dialect import FLOATS, SIDE, as_array, block, functions, indented
+from stlbench.stl.predicates.dialect import FLOATS, SIDE, block, functions, indented
+from stlbench.stl.predicates.samples import as_array
 from stlbench.stl.running.scalar import Operator, Piece, one
 from stlbench.stl.running.tree import Joined, Part, Tree, last_step
 
@@ -59,7 +60,7 @@ class Monitor:
     Raises:
         UndefinedError: a predicate that is read has no value at the sample: a signal is NaN, or its arithmetic has
             none. The monitor stays as it was before the sample.
-        TypeError: a masked array.
+        TypeError: what is read is no real number, or the array is masked.
         ValueError: the sample is not of shape (k,).
     """
 
@@ -123,23 +124,26 @@ def source(tree: Tree[Operator], horizon: int, signals: int) -> list[str]:
 
 def _sample(signals: int, columns: Iterable[int]) -> list[str]:
     """The statements that give x0, x1, ... the floats of the sample; what is in other columns may be anything."""
+    read = sorted(columns)
     if not signals:
-        return ["sample = checked(sample)"]
+        return ["sample = checked(sample, [])"]
     unpacked = " ".join(f"x{i}," for i in range(signals))
-    checked = f"{unpacked} = sample = checked(sample)"
-    other = " or ".join(f"type(x{i}) is not float" for i in sorted(columns))
+    checked = f"{unpacked} = sample = checked(sample, {read})"
+    other = " or ".join(f"type(x{i}) is not float" for i in read)
     kinds = [f"if {other}: {checked}"] if other else []
-    return [f"try: {unpacked} = sample", f"except (TypeError, ValueError): {checked}", *kinds]
+    plain = "type(sample) is tuple or type(sample) is list"
+    named = f"if not ({plain}) and has(sample, 'to_numpy'): sample = checked(sample, {read})"
+    return [named, f"try: {unpacked} = sample", f"except (TypeError, ValueError): {checked}", *kinds]
 
 
-def _checked(names: tuple[str, ...]) -> Callable[[Any], Sequence[float]]:
-    """A function of anything that NumPy reads as (k,) floats. It raises ValueError, or TypeError for a masked array."""
+def _checked(names: tuple[str, ...]) -> Callable[[Any, list[int]], Sequence[float]]:
+    """A function of anything that `as_array` takes as (k,) numbers, and the columns that must be some."""
     shape, double = (len(names),), np.dtype(np.float64)
 
-    def checked(sample: Any) -> Sequence[float]:
+    def checked(sample: Any, read: list[int]) -> Sequence[float]:
         if type(sample) is np.ndarray and sample.dtype is double and sample.shape == shape:  # for speed
             return sample.tolist()  # type: ignore[no-any-return]
-        values = np.asarray(as_array(sample), dtype=float)
+        values = np.asarray(as_array(sample, names, [names[column] for column in read]), dtype=float)
         if values.shape != shape:
             raise ValueError(f"a sample has shape {shape} for {', '.join(names)}, got {values.shape}")
         return values.tolist()  # type: ignore[no-any-return]
@@ -230,5 +234,8 @@ _NAMES: dict[str, Any] = {
     "deque": deque,
     "type": type,
     "float": float,
+    "tuple": tuple,
+    "list": list,
+    "has": hasattr,
     "TypeError": TypeError,
 }

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import check_names
+from stlbench.stl.language.structure import check_names, signals
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates import OfSample, Sample, Written, compile_sample, write_sample
 from stlbench.stl.predicates.dialect import block
@@ -230,7 +230,8 @@ class Replayed(Operator):
     def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
         self.until = Unfolding(formula, names)
         super().__init__(number, 0, self.until.last, self.until.flipped is not negated)
-        self.columns = set(check_names(formula, names).values())
+        index = check_names(formula, names)
+        self.columns = {index[name] for name in signals(formula)}
         self.namespace |= {f"begin{number}": self._begin, f"read{number}": self._read, f"take{number}": self._take}
 
     def begin(self) -> list[str]:
@@ -248,7 +249,10 @@ class Replayed(Operator):
 
     def _read(self, samples: Recent, state: State, sample: Sample, now: int) -> Known:
         newest = np.array([[value if i in self.columns else 0.0 for i, value in enumerate(sample)]])
-        return self.until.read(samples.with_newest(newest, min(now + 1, self.until.window)), now, state)
+        try:
+            return self.until.read(samples.with_newest(newest, min(now + 1, self.until.window)), now, state)
+        except UndefinedError as error:
+            raise UndefinedError(error.what, error.sample) from None
 
     def _take(self, samples: Recent, now: int) -> None:
         samples.take(min(now + 1, self.until.window))

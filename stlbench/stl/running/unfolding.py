@@ -133,21 +133,31 @@ class Unfolding:
         count, size = samples.shape[:2]
         first = now + 1 - size
         traces = Traces(samples, "interval", size + self.behind, 0, state.before if first else {})
-        with np.errstate(all="ignore"):
-            try:
-                if self.open:
-                    for part in self.parts:
-                        part(traces, 0, 0, True)
-                    return Known(np.full(count, -np.inf), np.full(count, np.inf), state)
-                known = self._bounds(traces, first, now, state)
-                if np.isnan(known.lower).any() or np.isnan(known.upper).any():
-                    self._bounds(traces, first, now, state, checked=True)
-            except UndefinedError as error:
-                raise UndefinedError(error.what, first + (error.sample or 0), error.trace) from None
-            if self.carried and size == self.window:
+        try:
+            if self.open:
+                for part in self.parts:
+                    part(traces, 0, 0, True)
+                return Known(np.full(count, -np.inf), np.full(count, np.inf), state)
+            known = self._defined_bounds(traces, first, now, state)
+        except UndefinedError as error:
+            raise UndefinedError(error.what, first + (error.sample or 0), error.trace) from None
+        if self.carried and size == self.window:
+            with np.errstate(all="ignore"):
                 ends = ((node, self._evaluator(node)(traces, at, at, True)[:, 0]) for node, at in self.carried.items())
                 known = known._replace(state=known.state._replace(before=dict(ends)))
         return known
+
+    def _defined_bounds(self, traces: Traces, first: int, now: int, state: State) -> Known:
+        """The bounds; UndefinedError where a predicate that is read has no value."""
+        try:
+            with np.errstate(all="ignore", over="raise"):
+                known = self._bounds(traces, first, now, state)
+            if not (np.isnan(known.lower).any() or np.isnan(known.upper).any()):
+                return known
+        except FloatingPointError:  # of some operation
+            pass
+        with np.errstate(all="ignore"):
+            return self._bounds(traces, first, now, state, checked=True)
 
     def _bounds(self, traces: Traces, first: int, now: int, state: State, checked: bool = False) -> Known:
         """The until from the first step on that was not decided before, joined with the state."""

@@ -112,5 +112,5 @@ def test_a_formula_without_end_is_refused(name: str) -> None:
 def test_wrong_choices_are_told() -> None:
     with pytest.raises(ValueError, match="there are the semantics classic, lse, gilpin, agm, gmsr, not 'smooth'"):
         stl.semantics("smooth")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="more than 0, got 0"):
+    with pytest.raises(ValueError, match="number above 0, got 0"):
         stl.semantics("lse", 0.0)

@@ -138,9 +138,9 @@ def test_what_is_kept_does_not_grow_with_the_trace(text: str) -> None:
     assert kept(text, 300) == kept(text, 60) <= 40
 
 
-def test_what_overflows_is_infinite_as_in_arrays() -> None:
+def test_what_overflows_on_the_way_counts_as_in_arrays() -> None:
     trace = np.array([[0.0], [1.0]])
-    formula = stl.parse("G[0,1] exp(1000 * x) >= 1")
+    formula = stl.parse("G[0,1] 3 / exp(1000 * x) <= 3")
     monitor = stl.Monitor(formula, ["x"])
     monitor.update(trace[0])
     assert monitor.update(trace[1]).lower == stl.robustness(formula, trace, ["x"]) == 0
@@ -154,7 +154,6 @@ def test_samples_of_any_kind_are_read_alike() -> None:
         np.array([3, 1]),
         np.array([3, 1], dtype=np.float32),
         (np.float64(3), 1.0),
-        ["3", "1"],
     ]
     for sample in samples:
         assert stl.Monitor(formula, ["x", "y"]).update(sample) == stl.Interval(2.0, 2.0, True)

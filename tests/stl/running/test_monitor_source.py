@@ -108,7 +108,7 @@ def test_many_operators() -> None:
 @given(formulas(LIPSCHITZ, 3, 4, endless=True))
 def test_every_word_of_the_source_is_one_of_ours(formula: stl.Formula) -> None:
     words = "def begin step m now sample if elif else not and or is while try except return True False None"
-    state = "steps answer changed lower upper verdict queue first clear pop popleft append"
+    state = "to_numpy steps answer changed lower upper verdict queue first clear pop popleft append"
     numbered = "x|t|v|w|whole_v|whole_w|l|u|lower|upper|best|open|queue|due|guard|samples|state|begin|read|take"
     ours = {*FLOATS.namespace, *monitor_source._NAMES, *words.split(), *state.split(), "checked", "state", "item"}
     text = re.sub(r"\b\d+\.\d+(e[+-]?\d+)?\b|\b\d+e[+-]?\d+\b", "", written(formula))  # reprs of floats

@@ -136,3 +136,18 @@ class TestWhatIsNoFormula:
         ):
             with pytest.raises(TypeError, match=r"names is a sequence of signal names, got one text; write \['xy'\]"):
                 call()
+
+
+@pytest.mark.parametrize(
+    "text", ["F[0,2] x >= 0", "F[0,2] G[0,2] F[0,1] x >= 0", "x >= 0 S x >= 1", "G (x >= 0 -> F x >= 1)"]
+)
+def test_what_no_predicate_reads_may_be_anything(text: str) -> None:
+    formula = stl.parse(text)
+    plain, beside = stl.Monitor(formula, ["x"]), stl.Monitor(formula, ["x", "note"])
+    batch = stl.BatchMonitor(formula, ["x", "note"], 2)
+    for x in (1, 2.0, np.float32(-1)):
+        bounds = plain.update([x])
+        assert beside.update([x, "start"]) == bounds
+        both = batch.update([[x, "start"], [x, None]])
+        assert (both.lower.tolist(), both.upper.tolist()) == ([bounds.lower] * 2, [bounds.upper] * 2)
+    assert stl.robustness(stl.parse("F[0,1] x >= 0"), [[1.0, "start"], [2, None]], ["x", "note"]) == 2.0
