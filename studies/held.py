@@ -17,8 +17,10 @@ from stlbench.task import Task
 
 _TRIES = 16
 """Changed sequences of each start that are simulated side by side."""
-_SHIFTED, _NEAR, _UNDONE = 0.15, 0.5, 0.7
-"""How often a change shifts; has its two places near each other; and takes back what it adds."""
+_SHIFTED, _HELD, _CROSSED = 0.15, 0.1, 0.1
+"""How often a change shifts, holds one action, and takes over what another sequence does."""
+_NEAR, _UNDONE, _TAIL, _BLOCK = 0.5, 0.7, 0.5, 4.0
+"""How often two places are near, more is undone, and all that follows is taken over; decisions of a block."""
 _SAY = 20.0
 """CPU seconds from one line to the next."""
 
@@ -61,6 +63,24 @@ def actions_of(
     return np.stack(acted, axis=1)
 
 
+def crossed(
+    task: Task, begun: Array, pool: Array, generator: np.random.Generator | None = None, noise: float = 0.0
+) -> Array:
+    """From each start the best sequence (N, decisions, axes) of a pool (M, decisions, axes), by noisy values."""
+    count = len(begun)
+    value = robustness_of(task, np.repeat(begun, len(pool), axis=0), np.tile(pool, (count, 1, 1))).reshape(count, -1)
+    if generator is not None:
+        value = value + noise * generator.normal(size=value.shape)
+    best: Array = pool[value.argmax(axis=1)]
+    return best
+
+
+def better(task: Task, begun: Array, one: Array, other: Array) -> Array:
+    """From each start the better of two sequences (N, decisions, axes)."""
+    wins = np.greater(robustness_of(task, begun, other), robustness_of(task, begun, one))
+    return np.where(wins[:, None, None], other, one)
+
+
 def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int = 0) -> Array:
     """Sequences (N, decisions, axes) that are no worse from any of the starts, after so many CPU seconds."""
     generator, clock = np.random.default_rng(seed), time.process_time
@@ -83,17 +103,23 @@ def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int
 def _changed(sequences: Array, actions: Actions, generator: np.random.Generator) -> Array:
     """Each of the sequences (N, decisions, axes) changed, mostly so that what follows is moved and not turned.
 
-    Either all actions between two decisions come one decision sooner or later; or one axis has more for some decisions,
-    and most often as much less for as many others.
+    All actions between two decisions come one decision sooner or later; or a block holds an action that is taken
+    somewhere; or a block, or all that follows, is that of another sequence. Most often one axis has more for some
+    decisions, and as much less for as many others.
     """
     count, decisions, axes = sequences.shape
     rows, places = np.arange(count), np.arange(decisions)[None]
     first, second = generator.integers(decisions, size=(2, count, 1))
-    shifted = generator.random((count, 1)) < _SHIFTED
+    other = generator.integers(count, size=(count, 1))
+    kind = np.searchsorted(np.cumsum((_SHIFTED, _HELD, _CROSSED)), generator.random((count, 1)), side="right")
+    block = first + 1 + generator.exponential(_BLOCK, (count, 1)).astype(np.int64)
+    whole = (kind == 2) & (generator.random((count, 1)) < _TAIL)
+    within = (kind > 0) & (kind < 3) & (places >= first) & (whole | (places < block))
     low, high = np.minimum(first, second), np.maximum(first, second) + 1
     sooner = low + (places - low + generator.choice((-1, 1), (count, 1))) % (high - low)
-    moved = shifted & (places >= low) & (places < high)
-    changed: Array = sequences[rows[:, None], np.where(moved, sooner, places)]
+    place = np.where((kind == 0) & (places >= low) & (places < high), sooner, places)
+    place = np.where((kind == 1) & within, second, place)
+    changed: Array = sequences[np.where(within, other, rows[:, None]), place]
     axis, length = generator.integers(axes, size=count), 1 + generator.exponential(1.0, (count, 1)).astype(np.int64)
     near = generator.random((count, 1)) < _NEAR
     second = np.where(near, np.maximum(first + generator.integers(-8, 9, (count, 1)), 0), second)
@@ -107,5 +133,5 @@ def _changed(sequences: Array, actions: Actions, generator: np.random.Generator)
     undone = generator.random((count, 1)) < _UNDONE
     more = ((places >= first) & (places < first + length)).astype(np.float64)
     more -= undone & (places >= second) & (places < second + length)
-    changed[rows, :, axis] += np.where(shifted, 0.0, change[:, None] * more)
+    changed[rows, :, axis] += np.where(kind < 3, 0.0, change[:, None] * more)
     return np.clip(changed, lower, upper)

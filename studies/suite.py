@@ -1,8 +1,8 @@
 """Make the suite: accept candidates, search for their witnesses, and write what `stlbench_tasks.suite` reads.
 
-    python studies/suite.py [--systems unicycle,pair] [--count 4] [--seconds 4]
+    python studies/suite.py [--systems unicycle,pair] [--templates overlap] [--count 4] [--seconds 4]
     python studies/suite.py --bounds
-    python studies/suite.py --longer quadrotor/reach-stay/0,arm/tube --seconds 20
+    python studies/suite.py --longer quadrotor/reach-stay/0,arm/tube --seconds 60
     python studies/suite.py --exact integrator/tube,double-integrator/tube --seconds 30
 
 For each system and template it tries candidates in turn until `count` are accepted. It refuses a candidate
@@ -15,16 +15,19 @@ For each system and template it tries candidates in turn until `count` are accep
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
 followed by the local search over held actions of `held.py`. What is there already is kept: the same command goes
 on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
-With `--longer` it searches on from the witnesses of these tasks, for so many CPU seconds each: two thirds of them by
-the gradient of a smooth robustness, one by the local search. With `--exact` it solves a mixed-integer program for each
-start of these tasks, within so many seconds: its actions replace worse ones of the witness, and what it proves may
-lower the bound. It is for linear systems, and too large where F stands inside of G.
+With `--longer` it searches on from the witnesses of these tasks, or of `all`, for so many CPU seconds each, the widest
+gap to the bound first. It leaves out what has had so many seconds, and what is within .1 % of its bound. Rounds begin
+with what other starts do, or with new drives; then come the gradient of a smooth robustness and the local search.
+With `--exact` it solves a mixed-integer program for each start of these tasks, within so many seconds: its actions
+replace worse ones of the witness, and what it proves may lower the bound. It is for linear systems, and too large
+where F stands inside of G.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -33,7 +36,7 @@ from typing import Any
 
 import numpy as np
 from gradient import improved
-from held import replay, search, taken
+from held import better, crossed, replay, search, taken
 from suite_bounds import Reach, upper_bound
 from suite_drives import witness
 from suite_linear import optimum
@@ -53,6 +56,8 @@ FOLDER = Path(stlbench_tasks.suite.__file__).parent
 TABLE, WITNESSES = FOLDER / "accepted.json", FOLDER / "witnesses.npz"
 TRIVIAL, PATIENCE = 0.05, 60
 """The share of starts that is trivial to satisfy, and how many candidates in a row may be refused."""
+ROUNDS, KICK, CLOSE = 5, 0.1, 1e-3
+"""Of a longer search; the noise in the choice of what its middle round begins with; and a gap that it leaves."""
 
 
 def load(candidate: Candidate) -> tuple[Task, Scene]:
@@ -91,6 +96,7 @@ def main() -> None:
     """Go on until each system and template has so many tasks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--systems", default=",".join(SYSTEMS))
+    parser.add_argument("--templates", default=",".join(TEMPLATES))
     parser.add_argument("--count", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--bounds", action="store_true")
@@ -111,7 +117,7 @@ def main() -> None:
     if options.bounds or options.longer or options.exact:
         write(table, stored)
         return
-    for template in TEMPLATES:
+    for template in options.templates.split(","):
         for system in options.systems.split(","):
             if fits(system, template):
                 fill(system, template, options.count, options.seconds, table, stored)
@@ -130,17 +136,34 @@ def tighten(systems: list[str], table: dict[str, Any]) -> None:
 
 def search_on(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
     """Better witnesses of some tasks, by the gradient and by changes at random."""
-    for name, task, row in named(parts, table, stored):
+    widest = sorted(named(parts, table, stored), key=lambda each: each[3]["robustness"] / each[3]["upper_bound"])
+    for name, task, scene, row in widest:
+        left = seconds - row.get("searched", 0.0)
+        if left <= 0 or row["robustness"] > (1 - CLOSE) * row["upper_bound"]:
+            continue
         assert isinstance(task.actions, ActionGrid)
-        begun, before = task.starts.report_and_selection()[0], task.actions.vectors[stored[name]]
-        found = search(task, begun, improved(task, begun, before, 2 * seconds / 3), seconds / 3)
-        keep(name, task, row, found, stored)
+        keep(name, task, row, searched(task, scene, task.actions.vectors[stored[name]], left), stored)
+        row["searched"] = seconds
         write(table, stored)
+
+
+def searched(task: Task, scene: Scene, actions: Array, seconds: float) -> Array:
+    """Actions (starts, decisions, axes) that are no worse from any start, after so many CPU seconds."""
+    begun, generator = task.starts.report_and_selection()[0], np.random.default_rng(0)
+    end = time.process_time() + seconds
+    for round_ in range(ROUNDS):
+        until = end - (end - time.process_time()) * (1 - 1 / (ROUNDS - round_))
+        pool = witness(task, scene, 0.0, seed=round_) if round_ % 2 else actions
+        tried = crossed(task, begun, pool, generator, KICK if round_ == ROUNDS // 2 else 0.0)
+        tried = improved(task, begun, tried, 0.6 * (until - time.process_time()))
+        tried = search(task, begun, tried, until - time.process_time(), seed=round_)
+        actions = better(task, begun, actions, tried)
+    return actions
 
 
 def solve(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[str, Array]) -> None:
     """The best actions from each start of some tasks, and the bound that their programs prove."""
-    for name, task, row in named(parts, table, stored):
+    for name, task, _, row in named(parts, table, stored):
         assert isinstance(task.actions, ActionGrid)
         reach, actions = Reach(task, SYSTEMS[name.partition("/")[0]]), task.actions.vectors[stored[name]]
         most, tried = cache(reach.most), actions.copy()
@@ -158,12 +181,12 @@ def solve(parts: list[str], seconds: float, table: dict[str, Any], stored: dict[
 
 def named(
     parts: list[str], table: dict[str, Any], stored: dict[str, Array]
-) -> Iterator[tuple[str, Task, dict[str, Any]]]:
-    """The accepted tasks of these names, or of these systems and templates, each with its row."""
-    for name in [name for name in stored if any(f"{name}/".startswith(f"{part}/") for part in parts)]:
+) -> Iterator[tuple[str, Task, Scene, dict[str, Any]]]:
+    """The accepted tasks of these names, or of these systems and templates, or of `all`, each with its row."""
+    for name in [name for name in stored if any(part == "all" or f"{name}/".startswith(f"{part}/") for part in parts)]:
         pair, _, n = name.rpartition("/")
         row = table["accepted"][pair][int(n)]
-        yield name, load(Candidate(*pair.split("/"), level(int(n)), row["candidate"]))[0], row
+        yield name, *load(Candidate(*pair.split("/"), level(int(n)), row["candidate"])), row
 
 
 def keep(name: str, task: Task, row: dict[str, Any], actions: Array, stored: dict[str, Array]) -> None:

@@ -120,9 +120,9 @@ def _balance() -> Array:
     return gain
 
 
-def witness(task: Task, scene: Scene, seconds: float) -> Array:
+def witness(task: Task, scene: Scene, seconds: float, seed: int = 0) -> Array:
     """Actions (starts, decisions, axes) of the grid, the best that were found in about so many seconds."""
-    drives, generator = Drives(task, scene), np.random.default_rng(0)
+    drives, generator = Drives(task, scene), np.random.default_rng(seed)
     begun = task.starts.report_and_selection()[0]
     starts, shape = len(begun), (len(begun), _DRIVES, drives.legs, 5)
     mean, spread = np.zeros((starts, 1, *shape[2:])), np.ones((starts, 1, *shape[2:]))
@@ -144,7 +144,7 @@ def witness(task: Task, scene: Scene, seconds: float) -> Array:
             elite = np.take_along_axis(numbers, order[:, :_ELITE, None, None], axis=1)
             mean, spread = elite.mean(axis=1, keepdims=True), elite.std(axis=1, keepdims=True) + 0.1
         tours = np.broadcast_to(np.take_along_axis(tours, order[:, :1], axis=1), shape[:2])
-    if robustness.min() < -0.3:  # hopeless
-        return best
     assert isinstance(task.actions, ActionGrid)
-    return search(task, begun, task.actions.vectors[taken(task, best)], seconds)
+    best = task.actions.vectors[taken(task, best)]
+    hopeless = robustness.min() < -0.3
+    return best if hopeless else search(task, begun, best, seconds)

@@ -154,21 +154,41 @@ DIGESTS = {
     "arm": "5afebecd39e02192",
     "pair": "748a631d1def65de",
 }
-"""A hash of the content of all tasks of a system, without what is known of them."""
+"""A hash of the content of all tasks of a system that are not fresh, without what is known of them."""
+FRESH = SUITE.splits["fresh"]
+
+
+def digest(names: list[str]) -> str:
+    contents = [SUITE.candidate(name).content(name) | {"source": "", "budgets": ""} for name in names]
+    return hashlib.sha256(json.dumps(contents).encode()).hexdigest()[:16]
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_name_gives_the_same_task_for_ever(system: str) -> None:
-    names = [name for name in SUITE.names if name.startswith(f"{system}/")]
-    contents = [SUITE.candidate(name).content(name) | {"source": "", "budgets": ""} for name in names]
-    assert hashlib.sha256(json.dumps(contents).encode()).hexdigest()[:16] == DIGESTS[system]
+    assert (
+        digest([name for name in SUITE.names if name.startswith(f"{system}/") and name not in FRESH])
+        == (DIGESTS[system])
+    )
+
+
+def test_fresh_tasks_stay_as_they_are() -> None:
+    """Thirty draws of one form, in windows that overlap, drawn as the usual ones are, from other numbers."""
+    assert digest([*FRESH]) == "c0d6abce453118d7"
+    assert len(FRESH) == 30
+    for name in FRESH:
+        system, template, _ = name.split("/")
+        others = {SUITE.candidate(f"{system}/{template}/{n}") for n in range(4)}
+        assert SUITE.candidate(name).level == "usual"
+        assert template == "overlap"
+        assert SUITE.candidate(name) not in others
 
 
 def test_splits() -> None:
-    """n % 4: dev, core, core, hard; quick is a part of core with 24 tasks."""
+    """dev, core, core, hard, then fresh ones; quick is a part of core with 24 tasks."""
     splits = {split: set(names) for split, names in SUITE.splits.items()}
-    assert splits["dev"] | splits["core"] | splits["hard"] == set(SUITE.names)
-    assert not splits["dev"] & splits["core"] | splits["core"] & splits["hard"] | splits["dev"] & splits["hard"]
+    parts = [splits[split] for split in ("dev", "core", "hard", "fresh")]
+    assert set().union(*parts) == set(SUITE.names)
+    assert sum(map(len, parts)) == len(SUITE.names)
     assert splits["quick"] < splits["core"]
     assert len(QUICK) == 24
     assert len(splits["core"]) >= 120

@@ -31,7 +31,7 @@ from stlbench_tasks.suite.tiers import tier
 VERSION = 1
 """A change of what a name means is a suite of another name."""
 SPLITS = ("dev", "core", "core", "hard")
-"""The split of task n is SPLITS[n % 4]."""
+"""The split of task n of its system and template; that of later ones is `fresh`."""
 QUICK = 24
 """Tasks of the split `quick`, evenly spread over the first core tasks of all systems and templates."""
 _OF_ONE = (either_or, until, patrol, patrol_stay, response, tube)
@@ -111,7 +111,7 @@ def _stored(name: str, otherwise: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def level(n: int) -> Level:
     """How hard task n is drawn."""
-    return "hard" if SPLITS[n % len(SPLITS)] == "hard" else "usual"
+    return "hard" if _split(n) == "hard" else "usual"
 
 
 class FormulaSuite(Suite):
@@ -124,8 +124,9 @@ class FormulaSuite(Suite):
 
     @cached_property
     def splits(self) -> Mapping[str, Sequence[str]]:
-        """By the number of a task: dev 0, 4, ...; core 1, 2, 5, 6, ...; hard 3, 7, ...; quick, a part of core."""
-        parts = {split: [name for name in self.names if _split(name) == split] for split in dict.fromkeys(SPLITS)}
+        """By the number of a task: dev 0; core 1, 2; hard 3; fresh 4, 5, ...; quick, a part of core."""
+        own = {name: _split(int(name.rpartition("/")[2])) for name in self.names}
+        parts = {split: [name for name in own if own[name] == split] for split in dict.fromkeys((*SPLITS, "fresh"))}
         first = [name for name in self.names if name.endswith("/1")]
         spread = np.unique(np.arange(QUICK) * len(first) // QUICK) if first else ()
         return parts | {"quick": [first[place] for place in spread]}
@@ -166,5 +167,5 @@ class FormulaSuite(Suite):
         return [SuiteScores(**each) for each in _stored("scores.json", {}).values()]
 
 
-def _split(name: str) -> str:
-    return SPLITS[int(name.rpartition("/")[2]) % len(SPLITS)]
+def _split(n: int) -> str:
+    return SPLITS[n] if n < len(SPLITS) else "fresh"

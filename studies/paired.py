@@ -1,0 +1,91 @@
+"""Two methods on the tasks that both take: Wilcoxon's signed-rank test over tasks, with Holm's correction.
+
+The scores of a task are means over its seeds, so a task is one pair. What is tested together is corrected together.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from statistics import fmean
+from typing import NamedTuple
+
+import numpy as np
+import recorded
+from recorded import markdown
+
+from stlbench.records.result import LEARNED
+from stlbench.statistics import sampled
+from stlbench.statistics.differences import ALPHA, holm
+
+Runs = Mapping[str, Mapping[str, Sequence[float]]]
+"""Method -> task -> a number for each seed."""
+STATED = (("funnel", "raw"), ("bhnr", "raw"))
+"""The comparisons of `studies/suite-fresh.yaml`."""
+
+
+class Paired(NamedTuple):
+    """How much more one method has than another, on the tasks that both take."""
+
+    pairs: Sequence[tuple[Sequence[float], Sequence[float]]]
+
+    @property
+    def told(self) -> str:
+        """ "0.11 [0.04, 0.19]": the mean over tasks, with its interval where tasks are many."""
+        value, ends = sampled.difference(*(list(map(np.array, each)) for each in zip(*self.pairs, strict=True)))
+        shown = recorded.number(str(value), 2)
+        return f"{shown} [{recorded.number(str(ends.low), 2)}, {recorded.number(str(ends.high), 2)}]" if ends else shown
+
+    @property
+    def chance(self) -> float:
+        """The p-value of Wilcoxon's test, two-sided; 1 where no task differs."""
+        from scipy.stats import wilcoxon
+
+        more = np.array([fmean(one) - fmean(other) for one, other in self.pairs])
+        return float(wilcoxon(more).pvalue) if more.any() else 1.0
+
+
+def compared(runs: Runs, one: str, other: str) -> Paired:
+    """Two methods, on the tasks that both take."""
+    return Paired([(own, runs[other][task]) for task, own in runs[one].items() if task in runs[other]])
+
+
+def runs(folder: str, column: str = "score", template: str | None = None, part: str = "") -> Runs:
+    """Of the finished cells of a folder: the score, or whether it `learned`; of a template, or of names with a part."""
+    found = defaultdict[str, dict[str, list[float]]](dict)
+    for row in recorded.table(folder, "cells"):
+        if row["status"] == "done" and template in (None, row["template"]) and part in row["task"]:
+            score = recorded.scored(row["task"], float(row["robustness_mean"]))
+            value = score if column == "score" else float(float(row["satisfaction"]) >= LEARNED)
+            found[row["method"]].setdefault(row["task"], []).append(value)
+    return found
+
+
+def stated(folder: str = "suite-fresh") -> str:
+    """One row per comparison that was stated before: scores and runs that learned, and the p-values of the scores."""
+    own, learned = runs(folder), runs(folder, "learned")
+    found = [compared(own, *pair) for pair in STATED]
+    body = [
+        [f"`{one}` less `{other}`", str(len(each.pairs)), each.told, compared(learned, one, other).told, _p(chance)]
+        for (one, other), each, chance in zip(STATED, found, holm([each.chance for each in found]), strict=True)
+    ]
+    return markdown(["new and hard tasks", "tasks", "score", "share learned", "p, Holm"], body, right=4)
+
+
+def corrected(folder: str = "suite-core", other: str = "raw", fewest: int = sampled.FEWEST) -> str:
+    """A sentence: which differences from a method, of all with an interval on the page, Holm's correction leaves."""
+    named = dict[str, Paired]()
+    for template in (*dict.fromkeys(row["template"] for row in recorded.table(folder, "cells")), None):
+        own = runs(folder, template=template)
+        for method in (method for method in own if method != other):
+            found = compared(own, method, other) if other in own else Paired(())
+            if len(found.pairs) >= fewest:
+                named[f"`{method}` on `{template}`" if template else f"`{method}` over all"] = found
+    chances = zip(named, holm([each.chance for each in named.values()]), strict=True)
+    left = [(name, chance) for name, chance in chances if chance < ALPHA]
+    told = "; ".join(f"{name} {named[name].told.partition(' ')[0]}, {_p(chance)}" for name, chance in left)
+    return f"Of {len(named)} differences {len(left)} hold by Wilcoxon's test over tasks with Holm's correction: {told}."
+
+
+def _p(chance: float) -> str:
+    return "p < .001" if chance < 0.001 else f"p = {chance:.3f}".replace("0.", ".")
