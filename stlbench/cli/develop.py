@@ -62,9 +62,9 @@ _WORDS: dict[Made, dict[str, str]] = {
     },
 }
 _SEEN = """\
-# The environment gives some entries no ends. Twenty episodes of random actions found their magnitudes, rounded up to
-# `scale`; an entry that hardly moved has a tenth of the median. The ranges of signals are twice as wide. A trained
-# policy may go further: change what you know.
+# The environment gives some entries no ends, or leaves them. Twenty episodes of random actions found their magnitudes,
+# rounded up to `scale`; an entry that hardly moved has a tenth of the median. The ranges of signals are twice as wide.
+# A trained policy may go further: change what you know.
 """
 
 

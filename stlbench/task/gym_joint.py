@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
 from stlbench.errors import UsageError
+from stlbench.task.gym_calls import begun, stepped
 from stlbench.task.gym_spaces import as_action
 
 
@@ -41,7 +42,7 @@ class JointEnv(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
-        observations, infos = self.env.reset(seed=seed, options=options)
+        observations, infos = begun(self.env, seed=seed, options=options)
         self._last, self._infos = dict(observations), dict(infos)
         return dict(self._last), _flat(self._infos)
 
@@ -52,7 +53,7 @@ class JointEnv(gymnasium.Env[Any, Any]):
         """One step by a joint action (axes,); the reward is the sum of all agents'."""
         own = dict(zip(self._names, np.split(np.ravel(action), self._ends), strict=True))
         actions = {name: as_action(self._spaces[name], own[name]) for name in self.env.agents}
-        observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        observations, rewards, terminations, truncations, infos = stepped(self.env, actions)
         self._last |= observations
         self._infos |= infos
         over = not self.env.agents or all(terminations[name] or truncations[name] for name in terminations)

@@ -9,7 +9,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.task.gym_spaces import Entries
 
 
@@ -24,7 +24,7 @@ class Expressions:
         self.from_info = tuple(name for name in used if name not in entries.names)
         try:
             self._values = stl.values(nodes, (*entries.names, *self.from_info))
-        except stl.UndefinedError as error:
+        except ValueError as error:
             raise UsageError(f"signals: {error}") from error
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -53,22 +53,31 @@ class Expressions:
             known, there = ", ".join(self.entries.names) or "no names", ", ".join(map(str, info)) or "nothing"
             raise UsageError(f"signals: no '{name}'{place}: the observation has {known}, the info {there}")
         try:
-            return float(info[name])
+            return number(info[name])
         except (TypeError, ValueError) as error:
             raise UsageError(f"signals: '{name}' of the info is no number{place}, but {info[name]!r}") from error
 
 
-def _parsed(place: str, text: str) -> stl.Expression:
+def _parsed(place: str, text: object) -> stl.Expression:
+    if not isinstance(text, str):
+        rule = "one function gives all signals, (observation, info) -> {name: number}"
+        instead = f"a function; {rule}" if callable(text) else one_line(text)
+        raise UsageError(f"{place}: expected an expression as text, such as 'x - y', got {instead}")
     try:
         return stl.parse_expression(text)
-    except (TypeError, stl.StlSyntaxError) as error:
+    except stl.StlSyntaxError as error:
         raise UsageError(f"{place}: {error}") from error
+
+
+def number(given: Any) -> float:
+    """A number, also one in an array of one number. Raises `TypeError` or `ValueError` for anything else."""
+    return float(given.item() if isinstance(given, np.ndarray) and given.size == 1 else given)
 
 
 def numbers(given: Any, count: int) -> Array:
     """What a task's class returned as `count` signals. Raises `UsageError`."""
     try:
-        signals = np.array([float(value) for value in given])
+        signals = np.array([number(value) for value in given])
     except (TypeError, ValueError) as error:
         raise UsageError(f"signals: expected {count} numbers, got {given!r}") from error
     if len(signals) != count:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from math import ceil, floor, log10, prod
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -12,9 +13,11 @@ from gymnasium.spaces import Box, Dict, Space
 
 from stlbench.contract import Array, cause
 from stlbench.errors import UsageError
+from stlbench.registry.plugins import PluginWarning
+from stlbench.task.gym_calls import begun, stepped
 from stlbench.task.gym_make import Gym, made
 from stlbench.task.gym_names import names_of
-from stlbench.task.gym_spaces import LARGE, Names, entries_of
+from stlbench.task.gym_spaces import LARGE, Entries, Names, Observed, entries_of, outside_space
 
 _STEPS, _SECONDS = 200, 0.05
 """Where the environment says nothing: steps of an episode, seconds of a step."""
@@ -41,7 +44,7 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None) -> dict[s
         keywords: what it is made with.
 
     Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
-    that these hardly move get a scale by the others.
+    that these hardly move get a scale by the others. So do entries that leave their ends, with a warning.
 
     Raises:
         UsageError: it cannot be made or played, or its observation is no array of numbers, nor a Dict of some, or has
@@ -49,8 +52,10 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None) -> dict[s
     """
     env = made(identifier, keywords or {})
     names, known = _entries(env.observation_space, identifier)
+    samples = _samples(identifier, env, entries_of(env.observation_space, names))
+    known |= dict.fromkeys(samples.outside, (None, None))
     without = [name for name, pair in known.items() if None in pair]
-    seen = _magnitudes(identifier, env, names) if without else {}
+    seen = _magnitudes(known, samples.named) if without else {}
     scale = {name: seen[name] for name in without}
     ends = {name: _completed(pair, 2 * scale.get(name, 0)) for name, pair in known.items()}
     first, (low, high) = next(iter(ends.items()))
@@ -117,16 +122,40 @@ def _said(end: float) -> float | None:
     return float(f"{end:.4g}") if abs(end) <= LARGE else None
 
 
-def _magnitudes(identifier: str, env: Gym, names: Names) -> dict[str, float]:
-    """Name -> the largest magnitude of the entry in episodes of random actions, above the floor, rounded up."""
-    entries = entries_of(env.observation_space, names)
+class _Samples(NamedTuple):
+    """Of the observations in episodes of random actions."""
+
+    named: Array
+    """The magnitudes (N, e) of the named entries."""
+    outside: list[str]
+    """The named entries that left the ends of their space."""
+
+
+def _samples(identifier: str, env: Gym, entries: Entries) -> _Samples:
+    """Warns of each entry that leaves its ends, at its first step."""
+    observed = Observed(env.observation_space, entries, {})
     try:
-        seen = [np.abs(entries.read(each, 1)[0]) for each, _ in _played(env, _limit(identifier))]
+        played = [(entries.read(each, 1)[0], observed.flat(each), t) for each, _, t in _played(env, _limit(identifier))]
     except Exception as error:  # it is code of others
-        raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
+        raise _unplayable(identifier, error) from error
+    left = observed.beyond(observed.scaled(np.array([flat for _, flat, _ in played])))
+    rule = f"its range is by what {_EPISODES} episodes of random actions show; check it"
+    for row, _, said in left:
+        problem = outside_space(said, f"at step {played[row][2]}")
+        warnings.warn(f"environment {identifier}: {problem}; {rule}", PluginWarning, stacklevel=3)
+    return _Samples(np.abs([values for values, *_ in played]), [name for _, name, _ in left if name])
+
+
+def _unplayable(identifier: str, error: Exception) -> UsageError:
+    said = error if isinstance(error, UsageError) else cause(error)
+    return UsageError(f"environment {identifier} cannot be played: {said}")
+
+
+def _magnitudes(names: Iterable[str], seen: Array) -> dict[str, float]:
+    """Name -> the largest magnitude of the entry, above the floor, rounded up."""
     most: Array = np.max(np.nan_to_num(seen, posinf=0.0), axis=0)
     floor = _FLOOR * float(np.median(most[most > 0])) if most.any() else 1.0
-    return {name: _rounded_up(max(value, floor)) for name, value in zip(entries.names, most.tolist(), strict=True)}
+    return {name: _rounded_up(max(value, floor)) for name, value in zip(names, most.tolist(), strict=True)}
 
 
 def info_ends(identifier: str, keywords: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
@@ -138,9 +167,9 @@ def info_ends(identifier: str, keywords: Mapping[str, Any]) -> dict[str, tuple[f
     """
     env, infos = made(identifier, keywords), list[dict[str, float]]()
     try:
-        infos += [_numbers(info) for _, info in _played(env, _limit(identifier))]
+        infos += [_numbers(info) for _, info, _ in _played(env, _limit(identifier))]
     except Exception as error:  # it is code of others
-        raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
+        raise _unplayable(identifier, error) from error
     always = [name for name in infos[0] if all(name in info for info in infos)]
     return {name: _range([info[name] for info in infos]) for name in always}
 
@@ -157,16 +186,16 @@ def _range(values: list[float]) -> tuple[float, float]:
     return -most if min(values) < 0 else 0.0, most if max(values) > 0 else 0.0
 
 
-def _played(env: Gym, steps: int) -> Iterator[tuple[Any, Mapping[str, Any]]]:
-    """Each observation with its info."""
+def _played(env: Gym, steps: int) -> Iterator[tuple[Any, Mapping[str, Any], int]]:
+    """Each observation with its info and its step."""
     env.action_space.seed(0)
     for seed in range(_EPISODES):
-        yield env.reset(seed=seed)
+        yield *begun(env, seed=seed), 0
         for t in range(min(steps, _PLAYED // _EPISODES)):
             if seed % 2 == 0 or t % _KEPT == 0:
                 action = env.action_space.sample()
-            observation, _, terminated, truncated, info = env.step(action)
-            yield observation, info
+            observation, _, terminated, truncated, info = stepped(env, action)
+            yield observation, info, t + 1
             if terminated or truncated:
                 break
 

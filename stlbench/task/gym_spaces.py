@@ -105,9 +105,9 @@ class Entries:
         return numbers
 
 
-def outside_space(what: str) -> UsageError:
-    """Of an observation that is not of the space that the environment has said."""
-    return UsageError(f"the environment returned an observation outside its space: {what}")
+def outside_space(what: str, where: str = "") -> UsageError:
+    """Of an observation that is not of the space that the environment has said; `where` as "at step 3"."""
+    return UsageError(f"the environment returned an observation outside its space{where and ' ' + where}: {what}")
 
 
 def entries_of(space: Space[Any], names: Names | None) -> Entries:
@@ -147,6 +147,19 @@ LARGE = 1e4
 """Ends of a space beyond this say nothing of what an entry is about: some environments write the largest float32."""
 
 
+class Beyond(NamedTuple):
+    """An entry of an observation that lies beyond the ends of its space."""
+
+    row: int
+    """Of the observations that were given, the first where it does."""
+    name: str | None
+    said: str
+
+
+_ROUNDING = 1e-6
+"""As far beyond its ends, from -1 to 1, a number may lie: environments compute in other types than their spaces'."""
+
+
 class Observed:
     """Flattens observations of a space, and scales them.
 
@@ -165,6 +178,7 @@ class Observed:
         self._space, self._plain = space, isinstance(space, Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
         known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
+        ends = np.stack([np.where(low < high, low, -np.inf), np.where(low < high, high, np.inf)])
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2
         named = _named(space, entries)
@@ -173,6 +187,8 @@ class Observed:
             if name not in named:
                 raise UsageError(f"scale: no entry '{name}'{did_you_mean(name, named)}")
             self._middle[named[name]], self._reach[named[name]] = 0.0, magnitude
+            ends[:, named[name]] = -np.inf, np.inf
+        self._least, self._most = self.scaled(ends) + np.array([[-_ROUNDING], [_ROUNDING]])
 
     def name(self, place: int) -> str:
         """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
@@ -195,6 +211,22 @@ class Observed:
         """What the policy sees: (N, d) -> (N, d)."""
         seen: Array = (flat - self._middle) / self._reach
         return seen
+
+    def beyond(self, seen: Array) -> list[Beyond]:
+        """The entries of scaled observations (N, d) that lie beyond the ends of the space, each at its first row.
+
+        A number that is scaled by its own magnitude, in place of its ends, may be anywhere.
+        """
+        wrong = (seen < self._least) | (seen > self._most)
+        return [
+            self._beyond(int(wrong[:, place].argmax()), place, seen)
+            for place in np.flatnonzero(wrong.any(axis=0)).tolist()
+        ]
+
+    def _beyond(self, row: int, place: int, seen: Array) -> Beyond:
+        value, low, high = self._reach * [seen[row], self._least, self._most] + self._middle
+        said = f"{self.name(place)} is {value[place]:.6g}, outside {low[place]:.4g} to {high[place]:.4g}"
+        return Beyond(row, self._names.get(place), said)
 
     def own(self, seen: Array) -> NDArray[Any]:
         """What the environment itself shows, from what the policy sees: (N, d) -> (N, d), of the space's own type."""

@@ -10,6 +10,7 @@ from stlbench.rollout import referee
 from stlbench.rollout.early_ends import without_end
 from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
+from stlbench.task.gym_spaces import outside_space
 from stlbench.testing.rules import Rules
 
 _COPIES = 4
@@ -65,6 +66,8 @@ def _episode(task: Task, rules: Rules, world: World, begun: Array, actions: Arra
     outside = np.argwhere(~((low <= world.signals) & (world.signals <= high)))
     got = [f"{task.signals[column]} is {world.signals[row, column]}" for row, column in outside[:1]]
     rules.keep(not got, "the first samples lie in the signals' ranges", "".join(got))
+    begin = np.zeros(count, dtype=np.int64)
+    _warn_of_outside(task, rules, world.features(begin), begin)
     trace = [world.signals[None].copy()]
     for i, action in enumerate(actions):
         ended, before = world.ended.copy(), world.signals.copy()
@@ -93,12 +96,22 @@ def _finite(task: Task, samples: Array, t: int) -> tuple[bool, str, object]:
 def _check_features(task: Task, rules: Rules, world: World, t: Integers, box: tuple[Array, Array]) -> None:
     features = world.features(t)
     rules.keep(features.ndim == 2 and len(features) == len(t), "features has shape (N, d)", features.shape)
+    _warn_of_outside(task, rules, features, t)
     rules.keep(bool(np.isfinite(features).all()), "features is finite", features)
     inside = np.all((box[0] <= world.signals) & (world.signals <= box[1]), axis=1)
     most = np.abs(features[inside]).max(axis=0, initial=0.0)
     place = int(np.argmax(most))
     said = f"{most[place]:.3g} of {_feature(task, place)}; a scale would help"
     rules.keep(bool(most[place] <= 5), "features are about in [-1, 1]", said)
+
+
+def _warn_of_outside(task: Task, rules: Rules, features: Array, t: Integers) -> None:
+    """Warn, once for each entry, of observations outside their space."""
+    for row, _, said in task.source.observed.beyond(features) if isinstance(task.dynamics, GymTask) else ():
+        if not any(said.partition(" is ")[0] in line for line in rules.warnings):
+            problem = outside_space(said, f"at step {t[row]} of copy {row}")
+            remedy = "`environment.scale` takes the place of these ends, and ranges should reach what signals take"
+            rules.warnings.append(f"{problem}; {remedy}")
 
 
 def _feature(task: Task, place: int) -> str:

@@ -73,9 +73,9 @@ class Odd(Walk):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda *five: five[:4], "step of the environment returned 4 values; Gymnasium's have five: observation,"),
-        (lambda *five: None, "step of the environment returned None; Gymnasium's have five"),
-        (lambda seen, _, *rest: (seen, None, *rest), "returned a reward that is no number at step 1: None"),
+        (lambda *five: five[:4], r"^the environment's step returns .*, terminated, truncated, info, got \(array"),
+        (lambda *five: None, "^the environment's step returns observation, .*, got None$"),
+        (lambda *five: (*five[:4], True), "^the environment's step returns observation, .*, True"),
     ],
 )
 def test_a_step_that_is_none_of_gymnasium_s(change: Callable[..., Any], message: str) -> None:

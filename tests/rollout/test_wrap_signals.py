@@ -63,6 +63,7 @@ def test_expressions_over_observation_and_info() -> None:
     [
         ("w", {"z": 1}, "signals: no 'w' at step 3: the observation has x, y, the info z"),
         ("z", {"z": "far"}, "signals: 'z' of the info is no number at step 3, but 'far'"),
+        ("z", {"z": np.zeros(2)}, r"signals: 'z' of the info is no number at step 3, but array\(\[0., 0.\]\)"),
         ("sqrt(x)", {}, "signals: s is nan at step 3"),
         ("y / (x + 1)", {}, "signals: s is nan at step 3"),
     ],
@@ -78,7 +79,11 @@ def test_expressions_without_a_value(text: str, info: dict[str, Any], message: s
     [
         ("x <= 1", "signals.s: line 1, column 1: expected an arithmetic expression but found a formula"),
         ("__import__('os')", "signals.s: line 1"),
-        (3, "signals.s: parse takes a formula's text, got int 3"),
+        (3, "^signals.s: expected an expression as text, such as 'x - y', got 3$"),
+        (
+            lambda observation, info: 0.0,
+            r"^signals.s: expected an expression .*, got a function; one function gives all signals, \(obs",
+        ),
         ("x / 0", "signals: .*divides by 0"),
     ],
 )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from numbers import Real
 from typing import Any, cast
 
+import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
@@ -44,6 +45,7 @@ class Observing:
             if _is_vector(part)
             for named in [entries.of(space, key)]
         }
+        self._warned = False
         self._shapes = {key: parts[key].shape for key in self._observed}
         shown = {key: _scaled_space(part, self._observed.get(key)) for key, part in parts.items()}
         ends = np.full(record.total, np.inf)
@@ -63,22 +65,27 @@ class Observing:
         """One observation and `own` (size,), or N batched ones and (N, size), at steps t, (1,) or (N,).
 
         `copy` is its number in a vector environment. Raises `UsageError` for a vector of another length, or numbers
-        that are not finite.
+        that are not finite. Warns, once, of numbers outside of their space.
         """
         for part in _floats(observation):
             if not np.isfinite(part).all():
                 _tell(part if own.ndim == 2 else part[None], t, copy)
         if self._vector:
-            seen = self._scaled(OBSERVATION, observation)
+            seen = self._scaled(OBSERVATION, observation, t, copy)
             return np.concatenate([seen, own], axis=-1, dtype=cast(Any, self._dtypes[OBSERVATION]))
         inner = observation if self._whole else {OBSERVATION: observation}
-        scaled = {key: self._scaled(key, inner[key]).astype(self._dtypes[key]) for key in self._observed}
+        scaled = {key: self._scaled(key, inner[key], t, copy).astype(self._dtypes[key]) for key in self._observed}
         return {**inner, **scaled, KEY: own.astype(np.float32)}
 
-    def _scaled(self, key: str, vector: Any) -> Array:
+    def _scaled(self, key: str, vector: Any, t: Integers, copy: int | None) -> Array:
         if (given := np.shape(vector)[-1:]) != self._shapes[key]:
             raise outside_space(f"{given} numbers in place of {self._shapes[key]}")
-        return self._observed[key].scaled(vector)
+        seen = self._observed[key].scaled(vector)
+        if not self._warned and (found := self._observed[key].beyond(np.atleast_2d(seen))):
+            self._warned, which = True, _which(found[0].row, t, copy)
+            remedy = "a `scale` for it takes the place of these ends, and `ranges` should reach what signals take"
+            gymnasium.logger.warn(f"{outside_space(found[0].said, which)}; {remedy}")
+        return seen
 
 
 def _is_vector(space: Space[Any]) -> bool:
@@ -113,5 +120,9 @@ def _floats(observation: Any) -> Iterator[NDArray[Any]]:
 def _tell(part: NDArray[Any], t: Integers, copy: int | None) -> None:
     """Of numbers (N, ...) of which some are not finite."""
     where = tuple(np.argwhere(~np.isfinite(part))[0].tolist())
-    which = place(int(t[where[0]]), where[0] if len(t) > 1 else copy)
+    which = _which(where[0], t, copy)
     raise UsageError(f"the environment returned an observation with {part[where]} {which}; numbers are finite")
+
+
+def _which(row: int, t: Integers, copy: int | None) -> str:
+    return place(int(t[row]), row if len(t) > 1 else copy)

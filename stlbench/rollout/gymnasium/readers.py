@@ -11,7 +11,7 @@ from gymnasium.vector.utils import iterate
 
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError
-from stlbench.task.gym_signals import Expressions
+from stlbench.task.gym_signals import Expressions, number
 
 SignalsOf: TypeAlias = Callable[[Any, dict[str, Any]], Mapping[str, float]]
 """A user's function: observation and info of one environment to name -> number."""
@@ -53,7 +53,7 @@ class Reader:
             rule = f"ranges has {', '.join(self.names)}"
             raise UsageError(f"signals: the function returned {', '.join(map(str, given))} {where}; {rule}")
         try:
-            return [float(given[name]) for name in self.names]
+            return [number(given[name]) for name in self.names]
         except (TypeError, ValueError) as error:
             raise UsageError(f"signals: the function returned no numbers {where}: {error}") from error
 

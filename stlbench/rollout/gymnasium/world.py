@@ -10,7 +10,8 @@ import numpy as np
 
 from stlbench.contract import Array, GymTask, Integers, World
 from stlbench.contract.presentation import Pixels
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError
+from stlbench.task.gym_calls import begun, stepped
 from stlbench.task.gym_source import GymSource
 from stlbench.task.gym_spaces import as_action
 
@@ -67,19 +68,13 @@ class GymWorld(World):
 
     def _begun(self, row: int, seed: int) -> tuple[Any, Mapping[str, Any]]:
         copy, space = self._copies[row], self._source.action_space
-        begun = copy.reset(seed=seed)
-        if not (isinstance(begun, tuple) and len(begun) == 2):
-            raise UsageError(f"the environment's reset returns an observation and an info, got {one_line(begun)}")
+        sample = begun(copy, seed=seed)
         if copy.action_space != space:
             raise UsageError(f"the environment changed its action space, from {space} to {copy.action_space}")
-        return begun
+        return sample
 
     def _stepped(self, row: int, action: Any) -> bool:
-        stepped = self._copies[row].step(action)
-        if not (isinstance(stepped, tuple) and len(stepped) == 5):
-            rule = "the environment's step returns observation, reward, terminated, truncated, info"
-            raise UsageError(f"{rule}, got {one_line(stepped)}")
-        observation, _, terminated, truncated, info = stepped
+        observation, _, terminated, truncated, info = stepped(self._copies[row], action)
         self._last[row] = observation, info
         return bool(terminated or truncated)
 

@@ -123,8 +123,10 @@ def wrap(
 
     Raises:
         UsageError: in one line, what does not fit: names, scale, signals, ranges, formula, its horizon, method, steps.
-            Later, with the step, signals, observations or rewards that are no finite numbers, and signals of other
-            names.
+            Later, with the step, signals, observations or rewards of the method that are no finite numbers, and signals
+            of other names; what `reset` or `step` returns, where it is not Gymnasium's.
+
+    Warns, once, of an observation outside its space.
     """
     _check(ranges, terminated, discount)
     if isinstance(env, VectorEnv):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
@@ -16,8 +16,9 @@ from stlbench.contract import Array, RewardMethod, Specification, Truth
 from stlbench.errors import UsageError
 from stlbench.rollout.gymnasium.episodes import Episodes
 from stlbench.rollout.gymnasium.joined import Observing
-from stlbench.rollout.gymnasium.readers import masked, place, row_of
+from stlbench.rollout.gymnasium.readers import masked, row_of
 from stlbench.rollout.gymnasium.scoring import Scoring
+from stlbench.task.gym_calls import begun, stepped
 
 Info = dict[str, Any]
 _ALL = np.array([0])
@@ -38,7 +39,7 @@ class _Scored:
 class StlWrapper(_Scored, gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """An environment that is paid and judged by a formula; `stlbench.wrap` makes it.
 
-    Action, rendering and all other attributes are those of the environment.
+    Action, rendering and all other attributes are those of the environment, but for `compute_reward`.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], scoring: Scoring, observing: Observing) -> None:
@@ -54,7 +55,7 @@ class StlWrapper(_Scored, gymnasium.Wrapper[Any, Any, Any, Any], RecordConstruct
         Returns:
             The observation with time and memory; the info with the entries of `step`, `signals` the first sample.
         """
-        observation, info = self.env.reset(seed=seed, options=options)
+        observation, info = begun(self.env, seed=seed, options=options)
         signals = self._scoring.reader.one(observation, info, 0)
         self._episodes.start(_ALL, signals)
         self._running = True
@@ -71,15 +72,21 @@ class StlWrapper(_Scored, gymnasium.Wrapper[Any, Any, Any, Any], RecordConstruct
         """
         if not self._running:
             raise ResetNeeded("call reset() first: no episode is running")
-        observation, own, terminated, truncated, info = _five(self.env.step(action))
+        observation, own, terminated, truncated, info = stepped(self.env, action)
         t, ended = int(self._episodes.t[0]) + 1, bool(terminated or truncated)
         signals = self._scoring.reader.one(observation, info, t)
         going, taken = np.ones(1, dtype=np.bool_), _action_rows(action, 1)
         reward, (over,), (complete,) = self._episodes.step(going, signals, taken, np.array([ended]))
         self._running = not over
-        info = info | self._entries(signals, _number(own, t), over=bool(over))
+        info = info | self._entries(signals, float(_own([own], 1)[0]), over=bool(over))
         early = ended and not complete
         return self._joined(observation), float(reward[0]), early or bool(terminated), bool(complete), info
+
+    def compute_reward(self, *arguments: Any, **keywords: Any) -> NoReturn:
+        """Raises `UsageError`: a replay buffer that pays by goals would take the environment's own reward."""
+        rule = "the method pays whole episodes, and a goal that is put in place of another says nothing of its reward"
+        remedy = "train without HerReplayBuffer: leave out `replay_buffer_class`"
+        raise UsageError(f"compute_reward: {rule}; {remedy}")
 
     def _joined(self, observation: Any) -> Any:
         return self._observing.join(observation, self._episodes.observe()[0], self._episodes.t)
@@ -92,22 +99,6 @@ class StlWrapper(_Scored, gymnasium.Wrapper[Any, Any, Any, Any], RecordConstruct
         entries = self._episodes.entries(signals, np.array([own]), np.array([over]))
         first = {name: values[0] for name, values in entries.items()}
         return first | {"satisfied": np.asarray(first["satisfied"])}
-
-
-def _five(returned: Any) -> tuple[Any, Any, Any, Any, Info]:
-    """What a step of an environment returns. Raises `UsageError` where it is something else."""
-    if not isinstance(returned, tuple) or len(returned) != 5:
-        given = f"{len(returned)} values" if isinstance(returned, tuple) else repr(returned)
-        rule = "observation, reward, terminated, truncated, info"
-        raise UsageError(f"step of the environment returned {given}; Gymnasium's have five: {rule}")
-    return returned
-
-
-def _number(own: Any, t: int) -> float:
-    try:
-        return float(own)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"the environment returned a reward that is no number {place(t, None)}: {own!r}") from error
 
 
 class StlVectorWrapper(_Scored, gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
@@ -128,7 +119,7 @@ class StlVectorWrapper(_Scored, gymnasium.vector.VectorWrapper[Any, Any, Any, An
     def reset(self, *, seed: Any = None, options: Info | None = None) -> tuple[Any, Info]:
         """Start episodes in all copies, or in those of `options["reset_mask"]`; see `StlWrapper.reset`."""
         mask = np.array((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
-        observations, infos = self.env.reset(seed=seed, options=options)
+        observations, infos = begun(self.env, seed=seed, options=options)
         each, signals = list(iterate(self.env.observation_space, observations)), np.zeros(self._shape)
         for copy in np.flatnonzero(mask).tolist():
             signals[copy] = self._scoring.reader.one(each[copy], row_of(infos, copy), 0, copy)
@@ -145,18 +136,18 @@ class StlVectorWrapper(_Scored, gymnasium.vector.VectorWrapper[Any, Any, Any, An
         """
         if not self._running or (self._mode is AutoresetMode.DISABLED and self._over.any()):
             raise ResetNeeded("call reset() first: in some copy no episode is running")
-        observations, own, terminations, truncations, infos = self.env.step(actions)
+        observations, own, terminations, truncations, infos = stepped(self.env, actions)
         same_step, taken = self._mode is AutoresetMode.SAME_STEP, _action_rows(actions, self.num_envs)
-        begun = self._over if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._over)
-        ended = (terminations | truncations) & ~begun
-        restarted = ended if same_step else begun
+        restarting = self._over if self._mode is AutoresetMode.NEXT_STEP else np.zeros_like(self._over)
+        ended = (terminations | truncations) & ~restarting
+        restarted = ended if same_step else restarting
         signals = self._scoring.reader.many(observations, infos, np.where(restarted, 0, self._episodes.t + 1))
         last = self._last(signals, ended, infos) if same_step else signals
-        rewards, over, complete = self._episodes.step(~begun, last, taken, ended)
+        rewards, over, complete = self._episodes.step(~restarting, last, taken, ended)
         if self._mode is not AutoresetMode.DISABLED and (late := complete & ~ended).any():
             rule = f"goes on after step {self._episodes.steps}; steps should be its time limit"
             raise UsageError(f"the vector environment restarts by itself, but copy {late.argmax()} {rule}")
-        own = np.where(begun, 0.0, np.asarray(own, dtype=np.float64))
+        own = np.where(restarting, 0.0, _own(own, self.num_envs))
         if same_step and over.any():
             infos = self._finals(infos, self._entries(last, own, over, over), over)
             own = np.where(over, 0.0, own)
@@ -211,6 +202,15 @@ def _check_actions(space: Space[Any]) -> None:
         raise UsageError(
             f"actions are numbers, a Box, Discrete, MultiDiscrete or MultiBinary; the environment has {space}"
         )
+
+
+def _own(rewards: Any, count: int) -> Array:
+    """What the environment itself paid its copies (N,); NaN where a reward is not one number, as nothing needs it."""
+    try:
+        each = np.asarray(rewards, dtype=np.float64).reshape(count, -1)
+    except (TypeError, ValueError):
+        each = np.empty((count, 0))
+    return each[:, 0] if each.shape[1] == 1 else np.full(count, np.nan)
 
 
 def _action_rows(action: Any, count: int) -> Array:

@@ -1,0 +1,46 @@
+"""`reset` and `step` of an environment that others wrote, checked against the API of Gymnasium."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from traceback import walk_tb
+from typing import Any
+
+from stlbench.errors import UsageError, one_line
+
+_RESET = "the environment's reset returns an observation and an info"
+_STEP = "the environment's step returns observation, reward, terminated, truncated, info"
+
+_OTHER_API = re.compile(r"values to unpack|unexpected keyword argument '(seed|options)'|has no attribute 'items'")
+"""What Python says where the caller of an environment of another API trips over it."""
+
+
+def begun(env: Any, **options: Any) -> tuple[Any, Any]:
+    """What `env.reset(**options)` returns, observation and info. Raises `UsageError` where it is not of Gymnasium."""
+    observation, info = _returned(_RESET, 2, lambda: env.reset(**options))
+    return observation, info
+
+
+def stepped(env: Any, action: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """What `env.step(action)` returns. Raises `UsageError` where it is not the five values of Gymnasium."""
+    observation, reward, terminated, truncated, info = _returned(_STEP, 5, lambda: env.step(action))
+    return observation, reward, terminated, truncated, info
+
+
+def _returned(rule: str, count: int, call: Callable[[], Any]) -> Any:
+    try:
+        given = call()
+    except (AttributeError, TypeError, ValueError) as error:
+        if not _OTHER_API.search(str(error)) or not _of_caller(error):
+            raise
+        raise UsageError(f"{rule}; its caller says: {one_line(error)}") from error
+    if not (isinstance(given, tuple) and len(given) == count and isinstance(given[-1], Mapping)):
+        raise UsageError(f"{rule}, got {one_line(given)}")
+    return given
+
+
+def _of_caller(error: BaseException) -> bool:
+    """Whether the environment's caller raised it, which is this module, or a wrapper of a library in between."""
+    module = str([frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)][-1])
+    return module == __name__ or module.startswith(("gymnasium.", "pettingzoo."))
