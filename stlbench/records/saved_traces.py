@@ -14,7 +14,7 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError, one_line
 from stlbench.records import npz
-from stlbench.records.outputs import cell_files
+from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import MAIN, Result, Score
 
 
@@ -56,18 +56,18 @@ def save_samples(path: Path, samples: Array, signals: tuple[str, ...]) -> None:
 def read_cell(results: Path, result: Result) -> SavedTraces:
     """The traces of a cell in a folder of results. Raises `UsageError` if there is no file, and as `read_saved`."""
     path = cell_files(results, result.id, result.key).traces
-    if not path.is_file():
+    if not inside(path, results, "read").is_file():
         raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell")
-    saved, starts = read_saved(path), 0 if result.measurement is None else result.measurement.selected[MAIN].starts
-    if len(saved.samples) != starts:
+    saved = read_saved(path, results)
+    if result.measurement and len(saved.samples) != (starts := result.measurement.selected[MAIN].starts):
         raise UsageError(f"{path}: it has traces from {len(saved.samples)} starts, and its row says {starts}")
     return saved
 
 
-def read_saved(path: Path) -> SavedTraces:
-    """The traces of a file that `stlbench run` wrote. Raises `UsageError` if it is none."""
+def read_saved(path: Path, folder: Path | None = None) -> SavedTraces:
+    """The traces of a file that `stlbench run` wrote. Raises `UsageError` if it is none, and as `npz.read`."""
     try:
-        arrays = npz.read(path)
+        arrays = npz.read(path, folder=folder)
         samples, names = np.asarray(arrays["traces"], dtype=np.float64), tuple(map(str, arrays["signals"].tolist()))
         film = Film(arrays["extremes"], arrays["states"]) if "states" in arrays else None
     except KeyError as error:
