@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.errors import unwritable
+from stlbench.records.fields import MOST
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.reader import Records
 from stlbench.records.result import Result
@@ -51,7 +52,8 @@ class Ledger(Records):
         """Write one result, in place of one with the same key, with checksums of its files. On return it is on disk."""
         with self._writing() as database:
             before = database.execute("SELECT failures FROM cells WHERE key = ?", (result.key,)).fetchone()
-            failures = (before[0] if before else 0) + 1 if result.status in ACCIDENTS else 0
+            known = before[0] if before and isinstance(before[0], int) and 0 <= before[0] < MOST else 0
+            failures = known + 1 if result.status in ACCIDENTS else 0
             _insert(database, values(result, self.path.parent, failures))
 
     @property

@@ -76,4 +76,12 @@ def read_saved(path: Path, folder: Path | None = None) -> SavedTraces:
         raise UsageError(f"cannot read {path} as traces of stlbench: {one_line(error)}") from error
     if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
         raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
+    if film is not None and not _fits(film, len(samples)):
+        raise UsageError(f"{path}: states have shape (extremes, decisions + 1, n), and extremes are numbers of starts")
     return SavedTraces(names, samples, film)
+
+
+def _fits(film: Film, starts: int) -> bool:
+    if film.states.ndim != 3 or film.states.shape[1] < 2 or film.starts.shape != film.states.shape[:1]:
+        return False
+    return film.starts.dtype.kind in "iu" and bool(np.all((film.starts >= 0) & (film.starts < starts)))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import warnings
 from contextlib import closing
 
+import numpy as np
 import pytest
 from helpers.impossible_rows import IMPOSSIBLE, changed, insert, plain, rich, several
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
+from stlbench.records import npz
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.reader import LedgerWarning
 from stlbench.records.result import from_json, to_json
-from stlbench.records.saved_traces import read_cell, save_samples
+from stlbench.records.saved_traces import read_cell, read_saved, save_samples
 from stlbench.records.verify import verify
 
 
@@ -69,8 +73,6 @@ def test_the_warning_says_which_rule_is_broken_and_where(wrong, said):
 
 
 def to_json_of(wrong):
-    import json
-
     return json.dumps(changed(plain(rich()), IMPOSSIBLE[wrong]))
 
 
@@ -132,10 +134,36 @@ def test_a_schema_that_is_no_utf_8_is_refused_in_one_line(folder):
 
 def test_traces_of_other_starts_than_the_row_says_are_refused(tmp_path):
     made = result(robustness=[1.0] * 1000)
-    import numpy as np
-
-    from stlbench.records.outputs import cell_files
-
     save_samples(cell_files(tmp_path, made.id, made.key).traces, np.zeros((8, 3, 1)), ("x",))
     with pytest.raises(UsageError, match="traces from 8 starts, and its row says 1000"):
         read_cell(tmp_path, made)
+
+
+@pytest.mark.parametrize(
+    ("extremes", "states"),
+    [
+        ([0, 8], np.zeros((2, 3, 1))),
+        ([0, -1], np.zeros((2, 3, 1))),
+        ([0.0, 1.0], np.zeros((2, 3, 1))),
+        ([0], np.zeros((2, 3, 1))),
+        ([0, 1], np.zeros((2, 1, 1))),
+        ([0, 1], np.zeros(2)),
+    ],
+)
+def test_states_that_are_of_no_film_are_refused(tmp_path, extremes, states):
+    named = {"traces": np.zeros((8, 3, 1)), "signals": np.array(["x"])}
+    npz.write(tmp_path / "x.npz", {**named, "extremes": np.array(extremes), "states": states})
+    with pytest.raises(UsageError, match="extremes are numbers of starts"):
+        read_saved(tmp_path / "x.npz")
+
+
+def test_a_count_of_failures_that_cannot_be_begins_again(folder):
+    failed = result("mine", status="raised")
+    for count in ("many", -5, 2**63 - 1):
+        insert(folder, plain(failed), plain(failed))
+        with closing(sqlite3.connect(folder / FILE)) as database, database:
+            database.execute("UPDATE cells SET failures = ? WHERE key = ?", (count, failed.key))
+        with Ledger(folder / FILE) as ledger:
+            ledger.record(failed)
+            assert ledger.given_up([failed.key], 1) == [failed.id]
+            assert ledger.given_up([failed.key], 2) == []
