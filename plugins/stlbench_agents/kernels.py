@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from stlbench_agents import plain_kernels
-from stlbench_agents.compiled_code import folder, is_ready, note_ready
+from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.plain_kernels import Decorator, Floats, Matrix
 
 START: Any = np.int64(0)
@@ -40,7 +40,6 @@ def choose() -> ModuleType:
             RuntimeWarning,
             stacklevel=1,
         )
-        numba.config.CACHE_DIR = str(folder() / "plain")  # type: ignore[attr-defined]
         return plain_kernels
 
 
@@ -65,14 +64,14 @@ def _results(kernels: ModuleType) -> bytes:
     generator, rows, inner, columns = np.random.default_rng(0), 9, 35, 37
     left, right = (generator.normal(size=(rows, wide)).astype(np.float32) for wide in (inner, columns))
     results = [np.zeros(shape, np.float32) for shape in ((inner, columns), rows, (inner, rows))]
-    kernels.fixed_types(kernels.compiled(cache=False)(compute))(left, right, *results)
+    kernels.fixed_types(kernels.jitted(compute))(left, right, *results)
     return b"".join(result.tobytes() for result in results)
 
 
 _chosen = choose()
 
 compiled: Decorator = _chosen.compiled
-"""`numba.njit` with a cache on disk. A division by 0 gives infinity: a check for it would keep loops scalar. The
+"""`numba.njit`, with its code kept on disk. A division by 0 gives infinity: a check for it would keep loops scalar. The
 compiler may not reorder sums (`fastmath`), since a function is compiled anew wherever it is used, and the copies must
 agree to the last bit."""
 inlined: Decorator = _chosen.inlined

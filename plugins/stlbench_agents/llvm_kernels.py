@@ -1,4 +1,4 @@
-"""The kernels written for LLVM. This is the only module that builds on interfaces which Numba may change.
+"""The kernels written for LLVM. Of this package, this module alone builds on interfaces which Numba may change.
 
 `kernels` describes the functions and `plain_kernels` defines their bits. Three things make them fast:
 
@@ -21,18 +21,24 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.ccallback import CFunc
 from numba.core.errors import TypingError
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
+from stlbench.contract import cached
 from stlbench_agents.plain_kernels import PARTIAL_BYTES, VECTOR_BYTES, Floats, Matrix, inlined
 
 Generate = Callable[[Any, ir.IRBuilder, Any, Any], Any]
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
-compiled = partial(numba.njit, cache=True, **_OPTIONS)
+jitted = partial(numba.njit, **_OPTIONS)
+
+
+def compiled(function: Any) -> Any:
+    return cached(jitted(function))
 
 
 class _Part(CPUDispatcher):
@@ -42,9 +48,7 @@ class _Part(CPUDispatcher):
 
 def part(function: Any) -> Any:
     options = {"nopython": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **_OPTIONS}
-    dispatcher = _Part(function, targetoptions=options)
-    dispatcher.enable_caching()
-    return dispatcher
+    return cached(_Part(function, targetoptions=options))
 
 
 def fixed_types(function: Any) -> Callable[..., None]:
@@ -321,7 +325,9 @@ def _blocks(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
 
 _SINGLE = types.NamedTuple([types.Array(types.float32, 1, "C"), *[types.int64] * 5], Matrix)
 _NAME = "stlbench_product_of_float32"
-_single = numba.cfunc(types.void(_SINGLE, _SINGLE, _SINGLE, types.float64, _SINGLE), cache=True, **_OPTIONS)(_blocks)
+_ARGUMENTS = (_SINGLE, _SINGLE, _SINGLE, types.float64, _SINGLE)
+_single = cached(CFunc(_blocks, (_ARGUMENTS, types.void), locals={}, options=_OPTIONS))
+_single.compile()
 llvmlite.binding.add_symbol(_NAME, _single.address)
 
 

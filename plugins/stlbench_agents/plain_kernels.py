@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.compiled_code import folder
+from stlbench.contract import cached
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
@@ -25,8 +25,6 @@ VECTOR_BYTES = 64 if _PROCESSOR.get("avx512f") else 32 if _PROCESSOR.get("avx") 
 """Bytes of the processor's widest vectors."""
 PARTIAL_BYTES = 64
 """Bytes of the partial sums of an inner product. They are the same on all machines, and so are its bits."""
-
-numba.config.CACHE_DIR = str(folder())  # type: ignore[attr-defined]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -38,8 +36,15 @@ class Decorator(Protocol):
         """The compiled function, which is called as before."""
 
 
-compiled = cast(Decorator, partial(numba.njit, cache=True, error_model="numpy"))
+kept = cast(Decorator, partial(cached, apart="plain"))
+jitted = cast(Decorator, partial(numba.njit, error_model="numpy"))
 inlined = cast(Decorator, partial(numba.njit, inline="always", error_model="numpy"))
+
+
+def compiled(function: Function) -> Function:
+    return kept(jitted(function))
+
+
 part = compiled
 
 
@@ -73,7 +78,8 @@ def flattened(values: Floats) -> Floats:
     return values.reshape(-1)
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@kept
+@numba.njit(fastmath={"contract"})
 def _fused(a: Any, b: Any, c: Any) -> Any:
     """a b + c, rounded once if the processor can do so."""
     return a * b + c

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stlbench.contract import Array, Integers, Truth
+from stlbench.contract import Array, Integers, Truth, cached
 from stlbench_methods.windows import FG, F, G, Terms
 
 
-@njit(cache=True)
+@cached
+@njit()
 def count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
     """Counters (N, m) of windows go on by h samples; `truths` (m, h, N) become the windows' verdicts after each.
 
@@ -29,7 +30,8 @@ def count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
                 flags[row, i] = flag
 
 
-@njit(cache=True)
+@cached
+@njit()
 def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -> Array:
     """Flags (N, m) of terms with absolute intervals go on by h samples, the first at steps t (N,): paid (h, N)."""
     terms_count, held, rows = truths.shape
@@ -55,7 +57,8 @@ def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -
     return rewards
 
 
-@njit(cache=True)
+@cached
+@njit()
 def run(
     truths: Truth, starts: Integers, ends: Integers, lengths: Integers, t: Integers, weight: float, runs: Array
 ) -> Array:
@@ -80,7 +83,8 @@ def run(
     return rewards
 
 
-@njit(cache=True)
+@cached
+@njit()
 def _step(truths: Truth, starts: Integers, ends: Integers, lengths: Integers, at: int, runs: Array) -> None:
     """One sample at step `at`. A term has failed, -1, once its run cannot be completed any more."""
     for i in range(len(runs)):
@@ -92,7 +96,8 @@ def _step(truths: Truth, starts: Integers, ends: Integers, lengths: Integers, at
             runs[i] = -1
 
 
-@njit(cache=True)
+@cached
+@njit()
 def _left(lengths: Integers, runs: Array) -> tuple[int, bool]:
     """How many phases are left, and whether all is over; where a term has failed there are some left."""
     left, failed = 0, False

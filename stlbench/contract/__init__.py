@@ -60,6 +60,7 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `Agent.plans`, `Model`, `End`, `StatePolicy` | agents that plan |
 | `Agent.trains` | agents without training, such as a controller |
 | `Work.prepare`, `log`, `facts` | executors that fork, store output, or use other machines |
+| `cached` | plugins with functions that Numba compiles |
 | `stlbench.contract.presentation` | plugins with something to show in tables, figures and films |
 '''
 
@@ -67,6 +68,7 @@ from __future__ import annotations
 
 from stlbench.contract.agent import Agent, Cost, End, Model, Policy, StatePolicy, Training
 from stlbench.contract.arrays import Array, Arrays, Integers, Truth
+from stlbench.contract.compiled import cached
 from stlbench.contract.environment import (
     ActionBox,
     ActionGrid,
@@ -120,6 +122,7 @@ __all__ = [
     "Work",
     "World",
     "WorldTask",
+    "cached",
     "cause",
 ]
 

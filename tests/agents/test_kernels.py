@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import config, njit
+from numba import njit
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
@@ -207,11 +207,10 @@ class TestReplacement:
     """A Numba whose private interfaces have changed."""
 
     @pytest.fixture(autouse=True)
-    def unchecked(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        """A machine on which the fast kernels were not checked; `choose` changes Numba's configuration."""
+    def unchecked(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """A machine on which the fast kernels were not checked."""
         monkeypatch.setattr(kernels, "is_ready", lambda part: False)
         monkeypatch.setattr(kernels, "note_ready", lambda part: None)
-        monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
 
     def test_is_not_needed_here(self) -> None:
         assert kernels.choose() is llvm_kernels

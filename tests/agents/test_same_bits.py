@@ -20,14 +20,15 @@ from stlbench.contract import Training
 from stlbench.registry.choices import choice_of
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import build_agent, build_method, load_task
-from stlbench_agents.compiled_code import folder
+from stlbench.contract.compiled import folder
 
 task = load_task(choice_of(sys.argv[1]))
 method, agent = build_method(task, choice_of("raw")), build_agent(task, choice_of(sys.argv[2]))
 make = lambda count: BatchEnvironment(task, method, count, 0)
 policy = agent.train(Training(make, int(sys.argv[3]), 0, lambda policy, steps: None, 1))
 weights = policy.weights if hasattr(policy, "weights") else [part for layer in policy.layers for part in layer]
-print(len(list(folder().rglob("*.nbc"))), hashlib.sha256(b"".join(part.tobytes() for part in weights)).hexdigest())
+count = len(list(folder("stlbench_agents").rglob("*.nbc")))
+print(count, hashlib.sha256(b"".join(part.tobytes() for part in weights)).hexdigest())
 """
 
 _TRAININGS = {

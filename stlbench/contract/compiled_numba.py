@@ -1,0 +1,58 @@
+"""Numba's cache in a folder that we choose. It builds on interfaces that Numba may change in any version."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+
+
+class FolderCache(FunctionCache):
+    """The code of one function. What is damaged there is compiled again, and a full disk stops nothing."""
+
+    def __init__(self, function: FunctionType, folder: Path) -> None:
+        self._impl_class = lambda function: _Code(function, folder)  # type: ignore[assignment]
+        FunctionCache.__init__(self, function)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for a signature, or None."""
+        try:
+            return FunctionCache.load_overload(self, sig, target_context)
+        except Exception:
+            with suppress(Exception):
+                FunctionCache.flush(self)
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for a signature."""
+        with suppress(Exception):
+            FunctionCache.save_overload(self, sig, data)
+
+
+class _Code(CompileResultCacheImpl):
+    """How Numba writes it. Unlike Numba's own, it heeds no setting that says where."""
+
+    def __init__(self, function: FunctionType, folder: Path) -> None:
+        self._lineno = function.__code__.co_firstlineno
+        self._locator = _Folder(function, folder)
+        name = f"{function.__module__}.{function.__qualname__}"
+        self._filename_base = CompileResultCacheImpl.get_filename_base(self, name, getattr(sys, "abiflags", ""))
+
+
+class _Folder(_CacheLocator):
+    def __init__(self, function: FunctionType, folder: Path) -> None:
+        self._py_file = function.__code__.co_filename  # which Numba's warnings name
+        self._function, self._folder = function, folder
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return str(self._folder)  # which is named after the sources
+
+    def get_disambiguator(self) -> str:
+        return str(self._function.__code__.co_firstlineno)
