@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from statistics import fmean, median
 
+import paired
 import recorded
 from recorded import Row, markdown
 
@@ -51,7 +52,7 @@ def methods(folder: str) -> str:
 
 
 def forms(folder: str) -> str:
-    """One row per template and one for all tasks: how much higher each method's score is than that of `raw`."""
+    """One row per template, for all tasks, and for all but `overlap`: how much higher a score is than that of `raw`."""
     found = {(row["group"], row["method"], row["other"]): row for row in recorded.table(folder, "differences")}
     others = [
         row["method"] for row in recorded.table(folder, "groups") if row["by"] == "all" and row["method"] != "raw"
@@ -61,6 +62,8 @@ def forms(folder: str) -> str:
         own = [_higher(found, group, method) for method in others]
         if any(own):
             body.append([f"`{group}`" if group in TEMPLATES else group, *own])
+    runs = paired.runs(folder, but="overlap")
+    body.append(["all but `overlap`", *(paired.compared(runs, method, "raw").told for method in others)])
     return markdown(["score less that of `raw`", *(f"`{method}`" for method in others)], body, right=len(others))
 
 

@@ -14,6 +14,7 @@ import joss
 import page_reference
 import page_suite
 import page_tasks
+import paired
 import race
 import solve_foreign
 import suite_answers
@@ -48,6 +49,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite": page_suite.drawn,
         "suite-core": lambda: page_suite.methods("suite-core"),
         "suite-forms": lambda: page_suite.forms("suite-core"),
+        "suite-corrected": paired.corrected,
         "suite-sources": suite_answers.components,
         "suite-sizes": suite_answers.slopes,
         "suite-held-out": suite_answers.held_out,

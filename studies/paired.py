@@ -50,11 +50,11 @@ def compared(runs: Runs, one: str, other: str) -> Paired:
     return Paired([(own, runs[other][task]) for task, own in runs[one].items() if task in runs[other]])
 
 
-def runs(folder: str, column: str = "score", template: str | None = None, part: str = "") -> Runs:
-    """Of the finished cells of a folder: the score, or whether it `learned`; of a template, or of names with a part."""
+def runs(folder: str, column: str = "score", template: str | None = None, but: str | None = None) -> Runs:
+    """Of the finished cells of a folder: the score, or whether it `learned`; of one template, or of all but one."""
     found = defaultdict[str, dict[str, list[float]]](dict)
     for row in recorded.table(folder, "cells"):
-        if row["status"] == "done" and template in (None, row["template"]) and part in row["task"]:
+        if row["status"] == "done" and template in (None, row["template"]) and row["template"] != but:
             score = recorded.scored(row["task"], float(row["robustness_mean"]))
             value = score if column == "score" else float(float(row["satisfaction"]) >= LEARNED)
             found[row["method"]].setdefault(row["task"], []).append(value)
@@ -72,20 +72,18 @@ def stated(folder: str = "suite-fresh") -> str:
     return markdown(["new and hard tasks", "tasks", "score", "share learned", "p, Holm"], body, right=4)
 
 
-def corrected(folder: str = "suite-core", other: str = "raw", fewest: int = sampled.FEWEST) -> str:
-    """A sentence: which differences from a method, of all with an interval on the page, Holm's correction leaves."""
+def corrected(folder: str = "suite-core", other: str = "raw") -> str:
+    """One row per difference from a method that Holm's correction leaves, of all that have an interval on the page."""
     named = dict[str, Paired]()
     for template in (*dict.fromkeys(row["template"] for row in recorded.table(folder, "cells")), None):
         own = runs(folder, template=template)
-        for method in (method for method in own if method != other):
-            found = compared(own, method, other) if other in own else Paired(())
-            if len(found.pairs) >= fewest:
-                named[f"`{method}` on `{template}`" if template else f"`{method}` over all"] = found
-    chances = zip(named, holm([each.chance for each in named.values()]), strict=True)
-    left = [(name, chance) for name, chance in chances if chance < ALPHA]
-    told = "; ".join(f"{name} {named[name].told.partition(' ')[0]}, {_p(chance)}" for name, chance in left)
-    return f"Of {len(named)} differences {len(left)} hold by Wilcoxon's test over tasks with Holm's correction: {told}."
+        for method in (method for method in own if {method, other} <= {*own} and method != other):
+            named[f"`{method}`, {f'`{template}`' if template else 'all'}"] = compared(own, method, other)
+    many = {name: each for name, each in named.items() if len(each.pairs) >= sampled.FEWEST}
+    chances = zip(many, holm([each.chance for each in many.values()]), strict=True)
+    body = [[name, many[name].told, _p(chance)] for name, chance in chances if chance < ALPHA]
+    return markdown([f"{len(body)} of {len(many)}, less `{other}`", "score", "p, Holm"], body, right=2)
 
 
 def _p(chance: float) -> str:
-    return "p < .001" if chance < 0.001 else f"p = {chance:.3f}".replace("0.", ".")
+    return "< 0.001" if chance < 0.001 else f"{chance:.3f}"

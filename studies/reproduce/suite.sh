@@ -1,6 +1,6 @@
 # The split core of the suite by seven methods and its quick slice by all; one policy for many formulas, beside one for each.
 # CPU time: 8 hours
-# Makes: suite-core suite-forms suite-sources suite-sizes suite-held-out suite-quick suite-many
+# Makes: suite-core suite-forms suite-corrected suite-sources suite-sizes suite-held-out suite-quick suite-many
 stlbench run studies/suite-core.yaml
 stlbench run studies/suite-quick.yaml
 stlbench run studies/suite-overlap.yaml
