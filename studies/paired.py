@@ -81,8 +81,8 @@ def corrected(folder: str = "suite-core", other: str = "raw") -> str:
             named[f"`{method}`, {f'`{template}`' if template else 'all'}"] = compared(own, method, other)
     many = {name: each for name, each in named.items() if len(each.pairs) >= sampled.FEWEST}
     chances = zip(many, holm([each.chance for each in many.values()]), strict=True)
-    body = [[name, many[name].told, _p(chance)] for name, chance in chances if chance < ALPHA]
-    return markdown([f"{len(body)} of {len(many)}, less `{other}`", "score", "p, Holm"], body, right=2)
+    body = [[name, _p(chance)] for name, chance in chances if chance < ALPHA]
+    return markdown([f"{len(body)} of {len(many)}, less `{other}`", "p, Holm"], body, right=1)
 
 
 def _p(chance: float) -> str:

@@ -57,7 +57,7 @@ def test_all_differences_are_corrected_together(paired: ModuleType, monkeypatch:
     """By form 2 / 256 each, and less over all: of three, Holm takes the least times 3, and the others times 2."""
     given(paired, monkeypatch, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
     header, _, *told = paired.corrected("any").splitlines()
-    assert header == "| 3 of 3, less `raw` | score | p, Holm |"
+    assert header == "| 3 of 3, less `raw` | p, Holm |"
     assert [line.split(" | ")[0] for line in told] == ["| `funnel`, `tube`", "| `funnel`, `overlap`", "| `funnel`, all"]
     assert [line.split(" | ")[-1] for line in told] == ["0.016 |", "0.016 |", "0.001 |"]
     given(paired, monkeypatch, [0.1, 0.2, 0.3, 0.4, 0.5, -0.6, -0.7, -0.8])
