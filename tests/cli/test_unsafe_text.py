@@ -44,7 +44,7 @@ def planted(seed: int) -> object:
 
 
 @pytest.fixture
-def evil(say, monkeypatch) -> Path:
+def evil(say, toy, monkeypatch) -> Path:
     """A folder of good cells, of three with such texts, one of which raised and one is from outside, and of rows that
     cannot be."""
     monkeypatch.setattr(Drawing, "write", lambda *_: [])

@@ -134,5 +134,6 @@ def insert(folder: Path, row: Any, like: Any) -> None:
 
 def _column(row: Any, like: Any, name: str) -> Any:
     value = row.get(name) if isinstance(row, dict) else None
-    fits = type(value) is type(like[name]) and not (isinstance(value, int) and abs(value) >= 2**63)
-    return value if fits else like[name]
+    if isinstance(value, str) and isinstance(like[name], str) and value.isascii():
+        return value
+    return value if type(value) is int is type(like[name]) and abs(value) < 2**63 else like[name]
