@@ -72,10 +72,10 @@ def folder(package: str) -> Path | None:
         sources = list(_sources(package))
         if any(source.stat().st_ctime > _BEGAN for source in sources):
             return None
-        found = _caches() / f"{package}-{_state(sources)}"
+        found = _caches().absolute() / f"{package}-{_state(sources)}"
         is_new = not found.exists()
-        found.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not _is_safe(found):
+        found.parent.mkdir(parents=True, exist_ok=True)
+        if not _is_made_safe(found):
             reason = f"where others can change it, as in {found}; NUMBA_CACHE_DIR may name a folder of your own"
             warnings.warn(f"{_NOT_KEPT} {reason}: each process compiles again", RuntimeWarning, stacklevel=3)
             return None
@@ -113,12 +113,15 @@ def _caches() -> Path:
         return Path(gettempdir()) / f"stlbench-{os.geteuid()}"
 
 
-def _is_safe(found: Path) -> bool:
-    """Whether nobody else can put files there, as loading a file of Numba's cache can run what is in it."""
-    own, above, user = found.lstat(), found.parent.stat(), os.geteuid()
-    is_own = stat.S_ISDIR(own.st_mode) and own.st_uid == user and not own.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+def _is_made_safe(found: Path) -> bool:
+    """Make it. Whether nobody else can put files there, as loading a file of Numba's cache can run what is in it."""
+    above, user = found.parent.stat(), os.geteuid()
     is_open = bool(above.st_mode & stat.S_IWOTH) and not above.st_mode & stat.S_ISVTX
-    return is_own and above.st_uid in (user, 0) and not is_open
+    if is_open or above.st_uid not in (user, 0):
+        return False
+    found.mkdir(mode=0o700, exist_ok=True)
+    own = found.lstat()
+    return stat.S_ISDIR(own.st_mode) and own.st_uid == user and not own.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def _remove_oldest(caches: Path, package: str) -> None:

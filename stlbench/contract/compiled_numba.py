@@ -48,6 +48,9 @@ class _Folder(_CacheLocator):
         self._py_file = function.__code__.co_filename  # which Numba's warnings name
         self._function, self._folder = function, folder
 
+    def ensure_cache_path(self) -> None:
+        self._folder.mkdir(mode=0o700, exist_ok=True)  # and none above it: its user has deleted them
+
     def get_cache_path(self) -> str:
         return str(self._folder)
 

@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from shutil import copytree
+from shutil import copytree, rmtree
 from typing import Any
 
 import numba
@@ -188,6 +188,16 @@ class TestStrangers:
         monkeypatch.setattr(os, "geteuid", lambda: 12345)
         assert self.refused()
 
+    def test_in_the_folder_of_another_user_none_is_made(self, monkeypatch: pytest.MonkeyPatch, caches: Path) -> None:
+        """As with sudo, whose folder would be refused to that user for ever."""
+        next(caches.iterdir()).rename(caches.parent / "elsewhere")
+        if os.geteuid() == 0:  # whose folders are trusted
+            os.chown(caches, 12345, -1)
+        else:
+            monkeypatch.setattr(os, "geteuid", lambda: 12345)
+        assert self.refused()
+        assert not list(caches.iterdir())
+
     def test_a_link(self, caches: Path, tmp_path: Path) -> None:
         folder = next(caches.iterdir())
         folder.rename(tmp_path / "elsewhere")
@@ -204,6 +214,23 @@ class TestStrangers:
 
     def test_a_new_folder_is_for_its_user_alone(self, caches: Path) -> None:
         assert next(caches.iterdir()).stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_was_deleted_meanwhile_is_not_made_again_for_others(
+    begin: Callable[[], Any], caches: Path
+) -> None:
+    function = begin()
+    rmtree(caches)
+    assert function(3) == 6
+    assert not caches.exists()
+    caches.mkdir()
+    before, now = os.umask(0), begin()
+    try:
+        rmtree(next(caches.iterdir()))
+        assert now(3) == 6
+    finally:
+        os.umask(before)
+    assert next(caches.iterdir()).stat().st_mode & 0o777 == 0o700
 
 
 def test_the_folders_used_last_stay(begin: Callable[[], Any], caches: Path) -> None:
