@@ -15,7 +15,6 @@ from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.identity import OUTSIDE
-from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result, Score, plain_scores, reported
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.registry.folders import task_of
@@ -89,7 +88,7 @@ def score(
     result, before = entry.result, record(results, entry)
     if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
         typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)
-    facts = cell_facts(result, cell_files(results, result.id, result.key).log)
+    facts = cell_facts(result, results)
     show(as_json, facts, _text(result, results))
 
 

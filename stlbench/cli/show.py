@@ -18,7 +18,8 @@ from stlbench.cli.output import Json, table
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.identity import OUTSIDE
-from stlbench.records.outputs import cell_files, end_of_log
+from stlbench.records.inputs import end_of_log, is_there
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result, to_json
 from stlbench.records.status import ACCIDENTS
 from stlbench.registry import docstrings, plugins
@@ -54,31 +55,32 @@ def cell(name: Cell, folder: Folder = Path("results"), budget: Budget = None, as
     """
     results = Results.load(folder)
     result = results.cell(name, budget)
-    log = cell_files(results.folder, result.id, result.key).log
-    output.show(as_json, cell_facts(result, log), _cell_text(result, log))
+    output.show(as_json, cell_facts(result, results.folder), _cell_text(result, results.folder))
 
 
-def cell_facts(result: Result, log: Path) -> dict[str, Any]:
-    """The whole record of a cell as JSON values; `log` is the path of its output."""
+def cell_facts(result: Result, folder: Path) -> dict[str, Any]:
+    """The whole record of a cell of a folder as JSON values; `log` is the path of its output."""
     content: dict[str, Any] = json.loads(to_json(result))
-    return {"name": result.id.name, **content, "log": str(log) if log.is_file() else None}
+    log = cell_files(folder, result.id, result.key).log
+    return {"name": result.id.name, **content, "log": str(log) if is_there(log, folder) else None}
 
 
-def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
+def _cell_text(result: Result, folder: Path) -> Iterator[str | Table]:
+    log = cell_files(folder, result.id, result.key).log
     parts = {
         "cell": result.id.name,
         "budget": result.id.budget,
         "status": result.status,
         "reason": result.reason,
         "key": result.key,
-        "log": str(log) if log.is_file() else "",
+        "log": str(log) if is_there(log, folder) else "",
         **result.provenance,
     }
     width = max(map(len, parts)) + 1
     yield from (f"{name + ':':{width}} {text}" for name, text in parts.items() if text)
     if result.details:
         yield f"\n{result.details.rstrip()}"
-    if result.status in ACCIDENTS and (end := end_of_log(log)):
+    if result.status in ACCIDENTS and (end := end_of_log(log, folder)):
         yield "\nthe end of its log:"
         yield from end
     if result.measurement is not None:

@@ -7,6 +7,7 @@ diff; `provenance.json` says how it was measured.
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -21,6 +22,7 @@ from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import stored
 from stlbench.records.fields import Line
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, ReadCell
+from stlbench.records.inputs import followed, read, to_read
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import csv_text, write
 from stlbench.records.result import TASK_FOLDER, Result
@@ -95,7 +97,7 @@ def load(path: Path) -> Snapshot:
     if (path / PROVENANCE).is_file():
         return _reference(path)
     if path.suffix == ".csv":
-        return _table(path)
+        return _table(followed(path))
     if (file := stored.locate(path)) is not None:
         return _results(file)
     if (path / TABLE).is_file():
@@ -126,7 +128,7 @@ def _results(path: Path) -> Snapshot:
 def _reference(folder: Path) -> Snapshot:
     file = folder / PROVENANCE
     try:
-        provenance = _adapter(dict[Line, Line]).validate_json(file.read_bytes())
+        provenance = _adapter(dict[Line, Line]).validate_json(read(file, folder))
     except (OSError, ValidationError) as error:
         raise UsageError(f"cannot read {file}: an object of texts is expected") from error
     return Snapshot(_table(folder / TABLE).samples, provenance)
@@ -135,7 +137,7 @@ def _reference(folder: Path) -> Snapshot:
 def _table(path: Path) -> Snapshot:
     samples: dict[CellId, Sample] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with io.TextIOWrapper(to_read(path, path.parent), encoding="utf-8", newline="") as file:
             for line, row in enumerate(csv.DictReader(file, strict=True), start=2):
                 if row.get("status") == NOT_RUN or row.get("track") == OUTSIDE:
                     continue

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from stlbench.errors import UsageError, one_line, unwritable
+from stlbench.records.inputs import is_there, read, to_read
 from stlbench.records.outputs import inside
 
 FILE = ".lock"  # its name in a folder of results. It stays there; what counts is whether a process holds it.
@@ -40,9 +41,9 @@ def writing(folder: Path) -> Iterator[None]:
 def writer(folder: Path) -> str | None:
     """Who writes in the folder: "process 12 on host, since ..."; None if nobody does, or without locks."""
     path = folder / FILE
-    if not path.is_file():  # a pipe would be waited for
+    if not is_there(path, folder):  # a pipe would be waited for
         return None
-    with suppress(FileNotFoundError, PermissionError), path.open("rb") as file:
+    with suppress(FileNotFoundError, PermissionError), to_read(path, folder) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -72,7 +73,7 @@ def _hold(descriptor: int, path: Path) -> None:
 
 
 def _holder(path: Path) -> str:
-    with suppress(OSError):
-        if text := one_line(path.read_text(errors="replace")):
+    with suppress(OSError, UsageError):
+        if text := one_line(read(path, path.parent).decode(errors="replace")):
             return text
     return "another process"

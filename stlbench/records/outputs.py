@@ -10,30 +10,38 @@ import csv
 import io
 import os
 import re
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, Literal, NamedTuple
 
-from stlbench.errors import UsageError, printable, unwritable
+from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.identity import CellId
 
 
-def inside(path: Path, folder: Path) -> Path:
+def inside(path: Path, folder: Path, purpose: Literal["write", "read"] = "write") -> Path:
     """The same path, after a look at each of its parts below the folder; the folder itself may be a link.
 
     Raises:
         UsageError: a part is a link, or the path leaves the folder, or what is there is a pipe or a device.
     """
-    parts = path.relative_to(folder).parts
+    parts, here, mode = path.relative_to(folder).parts, str(folder), stat.S_IFDIR
     if ".." in parts:
         raise UsageError(f"{path} is not inside {folder}")
-    for count in range(1, len(parts) + 1):
-        part = folder.joinpath(*parts[:count])
-        if part.is_symlink():
-            raise UsageError(f"{part} is a link, and stlbench writes through none; remove it, or take another folder")
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise UsageError(f"cannot write {path}: it is neither a file nor a folder")
+    try:
+        for part in parts:
+            here = os.path.join(here, part)
+            mode = os.lstat(here).st_mode
+            if stat.S_ISLNK(mode):
+                way = "remove it, or take another folder"
+                raise UsageError(f"{here} is a link, and stlbench {purpose}s through none; {way}")
+    except (FileNotFoundError, NotADirectoryError):
+        return path
+    except ValueError as error:
+        raise error if isinstance(error, UsageError) else UsageError(f"{one_line(path)}: {error}") from error
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise UsageError(f"cannot {purpose} {path}: it is neither a file nor a folder")
     return path
 
 
@@ -105,14 +113,3 @@ def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:
 def end_of_name(key: str) -> str:
     """How the names of the arrays of a result end. The key of a stranger's result may look like a path."""
     return f"_{key[:12]}.npz".replace("/", "_")
-
-
-def end_of_log(log: Path, lines: int = 20) -> list[str]:
-    """The last lines of a log, safe to show; none where there is no log."""
-    try:
-        with log.open("rb") as file:
-            file.seek(max(0, log.stat().st_size - 100 * lines))
-            text = file.read().decode(errors="backslashreplace")
-    except OSError:
-        return []
-    return printable(text).splitlines()[-lines:]

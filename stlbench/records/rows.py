@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.records.fields import Name, Whole, first_problem
 from stlbench.records.identity import IDENTITY, CellId, ReadCell
+from stlbench.records.inputs import is_there, read
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import Measurement, Result, Score, from_json, reported, to_json
 from stlbench.records.status import Status
@@ -127,4 +128,5 @@ def checksums_beside(folder: Path, result: Result) -> Mapping[str, str]:
     """Name -> SHA-256 (64 hex digits) of the traces and the policies that exist."""
     paths = cell_files(folder, result.id, result.key)
     named = {"traces": paths.traces, "policies": paths.policies}
-    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in named.items() if path.is_file()}
+    there = {name: path for name, path in named.items() if is_there(path, folder)}
+    return {name: hashlib.sha256(read(path, folder)).hexdigest() for name, path in there.items()}

@@ -7,6 +7,7 @@ policies are saved once, as `selected`.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +17,7 @@ from stlbench.contract import Arrays, Policy, StatePolicy
 from stlbench.errors import UsageError
 from stlbench.records import npz
 from stlbench.records.identity import OUTSIDE
-from stlbench.records.outputs import cell_files
+from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import TASK_FOLDER, Result
 
 Which = Literal["selected", "final"]
@@ -38,6 +39,8 @@ def save(path: Path, selected: Policy | StatePolicy, final: Policy | StatePolicy
 
 def _arrays(policy: Policy | StatePolicy) -> Arrays | None:
     arrays = policy.arrays() if isinstance(policy, Policy) else None
+    if not (arrays is None or (isinstance(arrays, Mapping) and all(isinstance(name, str) for name in arrays))):
+        raise TypeError(f"arrays of a policy gives {type(arrays).__name__}, the contract says arrays by name, or None")
     return None if arrays is None else {name: np.asarray(array) for name, array in arrays.items()}
 
 
@@ -67,11 +70,11 @@ def read(results: Path, result: Result, which: Which) -> Arrays:
         raise UsageError(f"{name} has no stored policy: {_why_none(result)}")
     path, policies = cell_files(results, result.id, result.key).policies, measured.policies
     there = "selected" if policies.selected == policies.final else which
-    if not path.is_file():
+    if not inside(path, results, "read").is_file():
         raise UsageError(f"{name} has no policy at {path}; `stlbench run` stores it when it trains a cell")
     prefix = f"{there}/"
     try:
-        arrays = {entry.removeprefix(prefix): array for entry, array in npz.read(path, prefix).items()}
+        arrays = {entry.removeprefix(prefix): array for entry, array in npz.read(path, prefix, results).items()}
     except ValueError as error:
         raise UsageError(f"cannot read {path} as policies of stlbench: {error}") from error
     if digest(arrays) != getattr(policies, which):

@@ -6,6 +6,7 @@ the best and the worst start, and `states` (2, decisions + 1, n) the states on t
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records import npz
 from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import MAIN, Result, Score
+from stlbench.stl.predicates.samples import as_floats
 
 
 class Assessment(NamedTuple):
@@ -64,11 +66,15 @@ def read_cell(results: Path, result: Result) -> SavedTraces:
     return saved
 
 
-def read_saved(path: Path, folder: Path | None = None) -> SavedTraces:
-    """The traces of a file that `stlbench run` wrote. Raises `UsageError` if it is none, and as `npz.read`."""
+def read_saved(path: Path, folder: Path | None = None, read: Collection[str] | None = None) -> SavedTraces:
+    """The traces of a file that `stlbench run` wrote; of the signals `read`, or of all, no value is rounded.
+
+    Raises `UsageError` if it is none, and as `npz.read`.
+    """
     try:
         arrays = npz.read(path, folder=folder)
-        samples, names = np.asarray(arrays["traces"], dtype=np.float64), tuple(map(str, arrays["signals"].tolist()))
+        names = tuple(map(str, arrays["signals"].tolist()))
+        samples = as_floats(arrays["traces"], names, read)
         film = Film(arrays["extremes"], arrays["states"]) if "states" in arrays else None
     except KeyError as error:
         raise UsageError(f"cannot read {path} as traces of stlbench: it has no {error}") from error

@@ -19,6 +19,7 @@ LONGEST = 2**26  # bytes that a value in a ledger may have. A result with 10,000
 _OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
 """Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
 of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
+_FILES = "", "-journal", "-wal", "-shm"  # how the names end of what SQLite opens beside a ledger
 _COUNT_TABLES = "SELECT count(*) FROM sqlite_schema"  # the cheapest query that makes SQLite look at a file
 APPLICATION = int.from_bytes(b"STLB", "big")  # in `PRAGMA application_id`: tells a ledger from any other SQLite file
 _IDENTITY = """key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL,
@@ -50,8 +51,10 @@ def opened(path: Path, *, to_write: bool = False) -> sqlite3.Connection:
     """
     try:
         with ExitStack() as undone:
+            for end in _FILES:
+                inside(path.with_name(path.name + end), path.parent, "write" if to_write else "read")
             if to_write:
-                inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
+                path.parent.mkdir(parents=True, exist_ok=True)
             database = _guarded(f"{path.absolute().as_uri()}?mode=rwc") if to_write else _to_read(path)
             undone.callback(database.close)
             is_new = _check(path, database)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Self, TypeVar
 
@@ -14,6 +15,7 @@ from pydantic import TypeAdapter
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId, ReadCell
+from stlbench.records.inputs import followed, to_read
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
@@ -28,8 +30,11 @@ the paths of tasks that are folders. A cell that was planned and has no result i
 
 
 def locate(path: Path) -> Path | None:
-    """The file that has the results: `path` itself, or the ledger, else `cells.jsonl` of a folder. None without one."""
-    candidates = (path / FILE, path / LINES) if path.is_dir() else (path,)
+    """The file that has the results: `path` itself, or the ledger, else `cells.jsonl` of a folder. None without one.
+
+    A link that the user names is followed; one in a folder is refused by what reads it.
+    """
+    candidates = (path / FILE, path / LINES) if path.is_dir() else (followed(path),)
     return next((file for file in candidates if file.is_file()), None)
 
 
@@ -153,7 +158,7 @@ def _read_lines(path: Path) -> Iterator[Result]:
 
 def _texts(path: Path) -> Iterator[tuple[str, str]]:
     try:
-        with path.open(encoding="utf-8") as file:
+        with TextIOWrapper(to_read(path, path.parent), encoding="utf-8") as file:
             for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):
                 if len(text) > LONGEST:
                     raise UsageError(f"{path}, line {number}: it has more than {LONGEST >> 20} MiB")

@@ -12,6 +12,7 @@ from typing import NamedTuple, get_args
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records import stored
 from stlbench.records.identity import CellId
+from stlbench.records.inputs import is_there, to_read
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import cell_files, inside, opened
@@ -143,6 +144,6 @@ def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tu
     for kind, recorded in here._asdict().items():
         if (result.key, kind) in damaged:
             yield str(recorded)
-        elif recorded.is_file():
-            with recorded.open("rb") as content, opened(getattr(there, kind), into) as copy:
+        elif is_there(recorded, source):
+            with to_read(recorded, source) as content, opened(getattr(there, kind), into) as copy:
                 shutil.copyfileobj(content, copy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import NamedTuple
 from stlbench.errors import one_line, unwritable
 from stlbench.records import stored
 from stlbench.records.identity import CellId
+from stlbench.records.inputs import names
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import POLICIES, TRACES, cell_files, end_of_name, inside
@@ -63,7 +65,7 @@ def verify(folder: Path) -> Verified:
                 damages += changed
                 files += len(row.files) - len(changed)
         problems = list(ledger.problems())
-        if not rows and (left := sum(1 for kind in (TRACES, POLICIES) for _ in (folder / kind).glob("*.npz"))):
+        if not rows and (left := sum(len(names(folder / kind, folder, ".npz")) for kind in (TRACES, POLICIES))):
             problems.append(f"it has no result beside {left} files of traces and policies")
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
         return Verified(
@@ -81,16 +83,17 @@ def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
     known = {end_of_name(key) for key in keys}
     lengths = {len(end) for end in known}
     for kind in (TRACES, POLICIES):
-        for path in sorted((folder / kind).glob("*.npz")):
-            if not any(path.name[-length:] in known for length in lengths):
-                yield f"{kind}/{one_line(path.name)}"
+        for name in names(folder / kind, folder, ".npz"):
+            if not any(name[-length:] in known for length in lengths):
+                yield f"{kind}/{one_line(name)}"
 
 
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
     paths, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
     for what, path in (("traces", paths.traces), ("policies", paths.policies)):
         if what in checksums and there.get(what) != checksums[what]:
-            problem = "is not as it was recorded" if what in there else "is missing"
+            lacking = "is a link, or no file" if os.path.lexists(path) else "is missing"
+            problem = "is not as it was recorded" if what in there else lacking
             yield Damage(result.key, result.id, what, f"{path} {problem}")
 
 

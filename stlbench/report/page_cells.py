@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.records.identity import OUTSIDE
-from stlbench.records.outputs import cell_files, end_of_log
+from stlbench.records.inputs import end_of_log, is_there
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.report.tables.cells import CELL, ENDED_EARLY, if_done, percent, scores_and_cost
 from stlbench.report.tables.rows import Group, Numbers, Row
@@ -51,7 +52,7 @@ def cell_part(row: Row, result: Result | None, folder: Path) -> Part:
         facts = {"status": row.status, "budget": row.id.budget}
         return {"name": row.id.name, "facts": list(facts.items()), "tables": [], "texts": [], "provenance": []}
     files, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
-    written = "\n".join(end_of_log(files.log, _LOG_LINES))
+    written = "\n".join(end_of_log(files.log, folder, _LOG_LINES))
     log = str(files.log.relative_to(folder)) if written else "none here: the cell wrote nothing, or it was not kept"
     facts = {
         "status": result.status,
@@ -75,5 +76,5 @@ def _policy(result: Result, path: Path, folder: Path) -> str:
     stored = result.measurement.policies if result.measurement else None
     if stored is None:
         return "none is stored" if result.measurement else ""
-    where = str(path.relative_to(folder)) if path.is_file() else "its file is not in this folder"
+    where = str(path.relative_to(folder)) if is_there(path, folder) else "its file is not in this folder"
     return f"{where}; SHA-256 selected {stored.selected}, final {stored.final}"

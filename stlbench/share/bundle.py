@@ -15,6 +15,7 @@ import yaml
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
 from stlbench.records import stored
+from stlbench.records.inputs import is_there, names, read
 from stlbench.records.outputs import POLICIES, TRACES, cell_files, opened
 from stlbench.records.result import Result
 from stlbench.study.results import Results
@@ -44,7 +45,7 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
     results = Results.load(folder)
     if not len(results):
         raise UsageError(f"{folder} holds no result yet")
-    kept = [result for result in results if cell_files(folder, result.id, result.key).policies.is_file()]
+    kept = [result for result in results if is_there(cell_files(folder, result.id, result.key).policies, folder)]
     listed = dict[str, Content]()
     with opened(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for path, data in _contents(folder, results, kept, about, traces):
@@ -70,15 +71,12 @@ def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
     yield stored.LINES, stored.lines(results, stored.missing(folder)).encode()
-    for path in sorted(path for path in folder.iterdir() if path.suffix in _TABLES and path.is_file()):
-        yield path.name, path.read_bytes()
-    for result in kept:
-        path = cell_files(folder, result.id, result.key).policies
-        yield path.relative_to(folder).as_posix(), path.read_bytes()
-    for result in results if traces else ():
-        path = cell_files(folder, result.id, result.key).traces
-        if path.is_file():
-            yield path.relative_to(folder).as_posix(), path.read_bytes()
+    paths = [folder / name for name in names(folder, folder, _TABLES)]
+    paths += [cell_files(folder, result.id, result.key).policies for result in kept]
+    paths += [cell_files(folder, result.id, result.key).traces for result in results if traces]
+    for path in paths:
+        if is_there(path, folder):
+            yield path.relative_to(folder).as_posix(), read(path, folder)
     if about.authors:
         yield CITATION, _citation(about).encode()
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
+from stlbench.records.inputs import is_there
+from stlbench.records.inputs import read as read_file
 from stlbench.records.outputs import cell_files, write
 from stlbench.records.result import Result
 from stlbench.records.saved_policies import read
@@ -22,8 +24,9 @@ ZOO = Path(__file__).parent / "zoo"
 def with_policies(folder: Path) -> Results:
     """The results of a folder whose policies are there. Raises `UsageError` as `Results.load`."""
     results = Results.load(folder)
-    there = (each for each in results if cell_files(results.folder, each.id, each.key).policies.is_file())
-    return Results.of(there, results.folder)
+    folder = results.folder
+    there = (each for each in results if is_there(cell_files(folder, each.id, each.key).policies, folder))
+    return Results.of(there, folder)
 
 
 def take(folder: Path, result: Result, target: Path) -> list[Path]:
@@ -35,7 +38,7 @@ def take(folder: Path, result: Result, target: Path) -> list[Path]:
     if target.exists():
         raise UsageError(f"{target} is there already; name a new folder")
     read(folder, result, "selected")
-    content = cell_files(folder, result.id, result.key).policies.read_bytes()
+    content = read_file(cell_files(folder, result.id, result.key).policies, folder)
     record = target / stored.LINES
     stored.write_lines([result], record)
     policies = write(cell_files(target, result.id, result.key).policies, content, target)

@@ -12,6 +12,8 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, System
 from stlbench.errors import UsageError
+from stlbench.records.inputs import read
+from stlbench.records.outputs import inside
 from stlbench.records.result import LEARNED
 from stlbench.registry import folders
 from stlbench.rollout.faults import pay
@@ -117,13 +119,15 @@ class Solution:
         place = Path(folder)
         try:
             certificate = _certificate(place / FILE)
-            code = code_of(place / TASK.name)
+            cells, home = (inside(place / name, place, "read") for name in (cells_of(certificate["budget"]), TASK.name))
+            for path in home.iterdir():
+                inside(path, place, "read")
+            code = code_of(home)
         except (OSError, ValueError) as error:
             raise UsageError(f"{place} has no solution; `stlbench solve` writes one: {error}") from error
         if code and not run_code:
             raise UsageError(f"{place}: its task runs {', '.join(code)}; if you trust it, load it with run_code=True")
-        folders.know(place / TASK.name, instead=True)
-        cells = place / cells_of(certificate["budget"])
+        folders.know(home, instead=True)
         result = Results.load(cells).cell(certificate["cell"], certificate["budget"])
         return cls(place, certificate, Acting(load_policy(cells, result)))
 
@@ -134,7 +138,7 @@ class Solution:
 
     def report(self) -> str:
         """The text of `solution.md`."""
-        return (self.folder / "solution.md").read_text(encoding="utf-8")
+        return read(self.folder / "solution.md", self.folder).decode()
 
 
 def cells_of(budget: str) -> str:
@@ -144,7 +148,7 @@ def cells_of(budget: str) -> str:
 
 def _certificate(path: Path) -> Mapping[str, Any]:
     """Raises `OSError` or `ValueError`."""
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = json.loads(read(path, path.parent))
     if not isinstance(content, dict) or not all(isinstance(content.get(name), str) for name in ("cell", "budget")):
         raise ValueError(f"{path.name} names no cell with its budget")
     return content

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
+from stlbench.records.inputs import names, read
 from stlbench.records.outputs import inside, write
 
 if TYPE_CHECKING:
@@ -117,11 +118,9 @@ def clear(folder: Path) -> None:
 def running(folder: Path) -> list[Running]:
     """The cells that run, in the order in which they began. Damaged files are passed over."""
     cells = list[Running]()
-    for path in sorted((folder / FOLDER).glob("*.json")):
+    for name in names(folder / FOLDER, folder, ".json"):
         with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            if not path.is_file():  # a pipe would be waited for
-                continue
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = json.loads(read(folder / FOLDER / name, folder))
             curve = tuple((int(steps), float(share), float(mean)) for steps, share, mean in content.pop("curve", ()))
             one = Running(**content, curve=curve[-_POINTS:])
             if isinstance(one.of, int) and isinstance(one.steps, int) and one.began + one.told and one.id:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -220,7 +221,7 @@ def test_a_run_neither_writes_nor_deletes_behind_a_link(toy: Path, say: Callable
         assert [path.name for path in outside.iterdir()] == ["mine"]
     if name != "logs":
         assert done.exit_code != 0
-        assert f"{name} is a link, and stlbench writes through none" in done.stderr
+        assert re.search(f"{name} is a link, and stlbench (reads|writes) through none", done.stderr)
 
 
 @pytest.mark.parametrize("name", ["tensorboard", "tensorboard/toy-line"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import shutil
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -182,3 +183,19 @@ def test_nor_through_one_in_the_folder_of_the_task(posed: Path) -> None:
 
     with pytest.raises(UsageError, match=r"task\.yaml is a link, and stlbench writes through none"):
         again(posed, "CartPole-v1", change)
+
+
+@pytest.mark.parametrize("name", ["certificate.json", "task", "task/task.yaml", "task/by_hand.yaml", "final"])
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_solution_is_read_through_no_link_and_no_pipe_is_waited_for(tmp_path: Path, name: str, kind: str) -> None:
+    strangers.plant(tmp_path / "out" / "task", "none", tmp_path)
+    path = tmp_path / "out" / name
+    (tmp_path / "out" / "certificate.json").write_text(json.dumps(FACTS))
+    if path.exists():
+        path.rename(tmp_path / "secret")
+    if kind == "link":
+        path.symlink_to(tmp_path / "secret")
+    else:
+        os.mkfifo(path)
+    with pytest.raises(UsageError, match=rf"{path} is a link|cannot read {path}|out has no solution.*Not a directory"):
+        Solution.load(tmp_path / "out")

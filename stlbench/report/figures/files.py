@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import stlbench
 from stlbench.errors import UsageError
+from stlbench.records.inputs import is_there, to_read
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
@@ -71,11 +72,16 @@ class Drawing:
         source = sha256(repr((_code(), now(), self.name, self.values)).encode()).hexdigest()
         *noted, pdf = paths = [folder / f"{self.name}.{end}" for end in _ENDS]
         try:
-            if pdf.is_file() and all(source.encode() in path.read_bytes()[:_HEAD] for path in noted):
+            if is_there(pdf, folder) and all(source.encode() in _head(path) for path in noted):
                 return paths
-        except OSError:
-            pass  # a file is missing
+        except (OSError, UsageError):
+            pass  # a file is missing, or is none
         return save(self.draw(), folder, self.name, source)
+
+
+def _head(path: Path) -> bytes:
+    with to_read(path, path.parent) as file:
+        return file.read(_HEAD)
 
 
 @cache
