@@ -40,7 +40,7 @@ class Flag(RewardMethod):
 
     def __init__(self, specification: Specification, *, beta: Annotated[float, Field(gt=0)] = 50.0) -> None:
         super().__init__(specification)
-        nested = specification.nested or specification.formula
+        nested = specification.formula if specification.nested is None else specification.nested
         windowed = is_windowed(nested)
         self._flags: Flags = (
             WindowFlags(nested, specification, beta) if windowed else AbsoluteFlags(specification, beta)

@@ -44,7 +44,7 @@ class TauMdp(RewardMethod):
         every: Annotated[int, Field(gt=0)] = 1,
     ) -> None:
         super().__init__(specification)
-        formula = specification.nested or specification.formula
+        formula = specification.formula if specification.nested is None else specification.nested
         refuse_past(formula)
         self.outer, phi = _outer(formula)
         if phi is formula:

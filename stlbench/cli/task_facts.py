@@ -55,7 +55,11 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
         "training": file.training.model_dump(exclude_none=True),
         "budgets": _dumped(file.budgets),
         "protocols": {
-            key: {"title": each.title, "formula": str(each.formula or file.formula), "starts": each.starts}
+            key: {
+                "title": each.title,
+                "formula": str(file.formula if each.formula is None else each.formula),
+                "starts": each.starts,
+            }
             for key, each in file.protocols.items()
         },
         "own_agent": task.own_agent,

@@ -168,7 +168,7 @@ def in_turn(fitting: Mapping[str, RewardMethod], formula: Formula) -> tuple[str,
 
     First flag where F is inside of G, funnel, raw; then those inside their source's form, by inputs.
     """
-    first = ("flag", "funnel", "raw") if any(recurring(formula)) else ("funnel", "raw")
+    first = ("flag", "funnel", "raw") if next(recurring(formula), None) is not None else ("funnel", "raw")
 
     def place(name: str) -> tuple[int, bool, int, str]:
         rank = first.index(name) if name in first else len(first)

@@ -8,6 +8,7 @@
 from stlbench.arithmetic.folds import Fold, Least, Mean, Semantics, Total, semantics
 from stlbench.stl.boxes import Bounds, bounds
 from stlbench.stl.errors import (
+    AmbiguousError,
     FormulaLimitError,
     FragmentError,
     Position,
@@ -66,6 +67,7 @@ from stlbench.stl.running.monitor import Interval, Monitor
 __all__ = [
     "END",
     "Always",
+    "AmbiguousError",
     "And",
     "BatchMonitor",
     "Binary",

@@ -6,6 +6,14 @@ import difflib
 from collections.abc import Sequence
 from typing import NamedTuple
 
+#: what a name may have been meant for that no signal has -> what to write
+_ABSENT = {
+    "e": "write exp(1) for the constant",
+    **dict.fromkeys(("PI", "Pi", "π"), "write pi for the constant"),
+    **dict.fromkeys(("inf", "Inf", "infinity", "oo"), "a formula has no infinity; leave the bound away"),
+    **dict.fromkeys(("nan", "NaN"), "NaN compares with nothing"),
+}
+
 
 class Position(NamedTuple):
     """A place in formula text; `line` and `column` count from 1."""
@@ -23,16 +31,17 @@ class StlSyntaxError(ValueError):
     Attributes:
         line, column: where, both from 1.
         expected: what would have been right there, in words.
+        remedy: what to write in place of a notation of another tool; None for no such notation.
     """
 
-    def __init__(self, text: str, position: Position, expected: str, found: str) -> None:
+    def __init__(self, text: str, position: Position, expected: str, found: str, remedy: str | None = None) -> None:
         self.line, self.column = position
-        self.expected = expected
+        self.expected, self.remedy = expected, remedy
         lines = text.splitlines()
         source = lines[self.line - 1] if self.line <= len(lines) else ""
         shown, caret = _excerpt(source, self.column)
-        place = f"line {self.line}, column {self.column}"
-        message = f"{place}: expected {expected} but found {shorten(found)}\n    {shown}\n    {caret}^"
+        place, advice = f"line {self.line}, column {self.column}", f"; {remedy}" if remedy else ""
+        message = f"{place}: expected {expected} but found {shorten(found)}{advice}\n    {shown}\n    {caret}^"
         super().__init__(encodable(message))
 
 
@@ -54,9 +63,16 @@ class UnknownSignalError(ValueError):
     def __init__(self, signal: str, names: Sequence[str], where: str = "trace") -> None:
         self.signal = signal
         near = difflib.get_close_matches(signal, names, n=1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        hint = f" (did you mean {near[0]!r}?)" if near else f" ({_ABSENT[signal]})" if signal in _ABSENT else ""
         has = shorten(", ".join(names)) or "none"
         super().__init__(f"formula uses signal {shorten(signal)!r}; the {where} has {has}{hint}")
+
+
+class AmbiguousError(ValueError):
+    """A word of a formula is a constant, such as pi, and the trace (or the box) has a signal of that name."""
+
+    def __init__(self, word: str, where: str = "trace") -> None:
+        super().__init__(f"{word} in a formula is a constant; the {where} has a signal {word!r}: rename the signal")
 
 
 class ShortTraceError(ValueError):

@@ -118,7 +118,8 @@ def _ends(parts: Parts, timing: Timing) -> Iterator[str]:
     for i, ending in enumerate((parts.get("training") or {}).get("ends", ())):
         where, place = ending.get("where"), f"training.ends.{i}.where"
         if where == VIOLATION and timing.known:
-            yield from _not_violable(place, parts.get("rewarded") or parts.get("formula"))
+            rewarded = parts.get("rewarded")
+            yield from _not_violable(place, parts.get("formula") if rewarded is None else rewarded)
         elif where not in (None, VIOLATION):
             yield from _unknown(place, "signal", where, parts.get("signals"))
 
@@ -184,6 +185,7 @@ def regions(parts: Parts) -> Iterator[tuple[str, Parts]]:
 def _unknown(place: str, kind: str, formula: stl.Formula, names: Iterable[str] | None) -> Iterator[str]:
     """Names that a formula uses and that are none of `names`, where there are any."""
     known = list(names or ())
+    yield from (f"{place}: {stl.AmbiguousError(word, 'task')}" for word in sorted(formula.words.intersection(known)))
     for name in stl.signals(formula) if known else ():
         if name not in known:
             yield f"{place}: no {kind} '{name}'{did_you_mean(name, known)}"

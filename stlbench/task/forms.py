@@ -21,7 +21,8 @@ def regular(formula: Formula) -> Formula:
     """
     if isinstance(formula, And):
         args = tuple(map(regular, formula.args))
-        return _joined(args) or replace(formula, args=args)
+        joined = _joined(args)
+        return replace(formula, args=args) if joined is None else joined
     if isinstance(formula, Always | Eventually):
         return replace(formula, arg=_inner(formula.arg))
     return formula

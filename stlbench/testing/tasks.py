@@ -134,5 +134,6 @@ def _check_forms(task: Task, traces: Array, rules: Rules) -> None:
     same = np.array_equal(rewarded, stl.satisfied(task.formula, traces, task.signals))
     rules.keep(same, "the rewarded form is satisfied when the formula is", rewarded)
     robustness = stl.robustness(task.formula, traces, task.signals)
-    nested = stl.robustness(task.specification.nested or task.formula, traces, task.signals)
+    form = task.formula if task.specification.nested is None else task.specification.nested
+    nested = stl.robustness(form, traces, task.signals)
     rules.keep(np.allclose(nested, robustness), "the nested form has the formula's robustness", nested - robustness)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import pickle
+import warnings
 from typing import Any
 
 import cloudpickle
@@ -50,9 +52,9 @@ def test_an_episode_by_hand() -> None:
     infos = [info for *_, info in steps]
     assert [info["signals"].tolist() for info in infos] == [[[0.5]], [[1.0]], [[1.5]], [[2.0]]]
     assert [(info["t"], info["env_reward"], info["robustness"], info["satisfied"]) for info in infos] == [
-        (1, 7.0, 0.0, False),
-        (2, 7.0, 0.0, False),
-        (3, 7.0, 0.0, False),
+        (1, 7.0, -math.inf, False),
+        (2, 7.0, -math.inf, False),
+        (3, 7.0, -math.inf, False),
         (4, 7.0, -1.0, False),
     ]
 
@@ -161,6 +163,25 @@ def test_a_memory_goes_on_while_the_last_sample_is_held(method: str) -> None:
     waits = played(wrapped(Walk(), formula, **options), RIGHT, RIGHT, *[STAY] * 4)
     assert sum(step[1] for step in ends) == pytest.approx(sum(step[1] for step in waits))
     assert ends[-1][-1]["robustness"] == waits[-1][-1]["robustness"] == 0.0
+
+
+def test_an_episode_that_a_limit_outside_cuts_is_not_judged() -> None:
+    """The wrapper cannot see such a limit: the info has no verdict, and the next reset says why."""
+    env = TimeLimit(wrapped(), 2)  # type: ignore[var-annotated]
+    env.reset(seed=0, options={"x": 0.0})
+    *_, truncated, info = [env.step(RIGHT) for _ in range(2)][-1]
+    assert truncated
+    assert (info["robustness"], info["satisfied"]) == (-math.inf, False)
+    _, info = wrapped(terminated="interval").reset(seed=0)
+    assert (info["robustness"].tolist(), info["satisfied"].tolist()) == ([-math.inf, math.inf], [False, True])
+    with pytest.warns(UserWarning, match=r"anew after 2 of 4 steps.* a TimeLimit belongs inside of stlbench\.wrap"):
+        env.reset()
+    with warnings.catch_warnings(action="error"):  # it is said once, and never of episodes that ended
+        env.step(RIGHT)
+        env.reset()
+        whole = wrapped()
+        for _ in range(2):
+            played(whole, *[RIGHT] * 4)
 
 
 def test_a_truncation_before_the_last_step_is_an_early_end_too() -> None:

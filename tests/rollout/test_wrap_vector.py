@@ -60,7 +60,7 @@ def test_without_autoreset_a_mask_says_who_restarts() -> None:
     envs.step(np.array([RIGHT, STAY]))
     observations, rewards, terminated, truncated, infos = envs.step(np.array([RIGHT, STAY]))
     assert (rewards.tolist(), terminated.tolist(), truncated.tolist()) == ([-1.0, 0.5], [True, False], [False, False])
-    assert (infos["robustness"].tolist(), infos["satisfied"].tolist()) == ([-0.5, 0.0], [False, False])
+    assert (infos["robustness"].tolist(), infos["satisfied"].tolist()) == ([-0.5, -np.inf], [False, False])
     with pytest.raises(ResetNeeded):
         envs.step(np.array([RIGHT, STAY]))
     _, infos = envs.reset(options={"reset_mask": np.array([True, False]), "x": 0.0})

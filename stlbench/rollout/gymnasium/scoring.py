@@ -59,6 +59,8 @@ def specify(
         resolved = stl.resolve_end(parsed, steps)
     except (TypeError, ValueError) as error:
         raise UsageError(f"formula: {error}") from error
+    for word in sorted(resolved.words.intersection(names)):
+        raise UsageError(f"formula: {stl.AmbiguousError(word, 'environment')}")
     for name in stl.signals(resolved):
         if name not in names:
             raise UsageError(f"formula: no signal '{name}'{did_you_mean(name, names)}")

@@ -67,8 +67,8 @@ class StlWrapper(_Scored, gymnasium.Wrapper[Any, Any, Any, Any], RecordConstruct
         Returns:
             The observation with time and memory, the reward, whether the episode ended early, whether it is complete;
             and the info with `signals` (1, k), `t`, `env_reward`, the environment's own reward, `robustness` and
-            `satisfied`, which are 0 and False before the end of the episode. All are of NumPy, each of one shape and
-            dtype.
+            `satisfied`. Before the end of the episode these two are -inf and False: nothing is known. All are of
+            NumPy, each of one shape and dtype.
         """
         if not self._running:
             raise ResetNeeded("call reset() first: no episode is running")

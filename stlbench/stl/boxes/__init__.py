@@ -12,7 +12,7 @@ from stlbench.arithmetic.functions import OPERATIONS, Domain
 from stlbench.stl.boxes.search import Maximum, Search
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.expressions import Binary, Call, Expression, Signal
-from stlbench.stl.language.structure import check_names, require_pointwise, signals, walk
+from stlbench.stl.language.structure import as_names, check_names, require_pointwise, signals, walk
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates import margin
 from stlbench.stl.predicates.samples import as_array
@@ -98,7 +98,7 @@ def _ends(
         if rows.shape != (len(names), 2):
             raise ValueError(f"bounds of {len(names)} signals have shape ({len(names)}, 2), got {rows.shape}")
         box = {name: (low, high) for name, (low, high) in zip(names, rows.tolist(), strict=True)}
-    check_names(psi, tuple(box), "box")
+    check_names(psi, as_names(tuple(box), psi, "box"), "box")
     ends = {name: (float(low), float(high)) for name in signals(psi) for low, high in [as_array(box[name])]}
     for name, (low, high) in ends.items():
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):

@@ -38,6 +38,7 @@ class Node:
     Attributes:
         depth: levels of nesting, 1 without operands.
         size: parts, this one included.
+        words: the names of constants in its text, as pi and True.
         position: the place in the text it came from, which never counts in comparisons.
 
     Raises:
@@ -48,6 +49,7 @@ class Node:
     level: ClassVar[int] = Level.ATOM
     depth: int = field(init=False, compare=False, repr=False)
     size: int = field(init=False, compare=False, repr=False)
+    words: frozenset[str] = field(init=False, compare=False, repr=False)
     position: Position | None = field(default=None, compare=False, repr=False, kw_only=True)
 
     def __init_subclass__(cls) -> None:
@@ -67,6 +69,8 @@ class Node:
             raise FormulaLimitError(f"at most {MAX_SIZE:,} parts ('<->', 'xor' and 'W' repeat their operands)", "more")
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "size", size)
+        typed = [{self.word}] if isinstance(self, Constant) and self.word else []
+        object.__setattr__(self, "words", frozenset().union(*typed, *(operand.words for operand in operands)))
 
     @property
     def operands(self) -> tuple[Node, ...]:
@@ -91,6 +95,11 @@ class Node:
             object.__setattr__(self, "_hash", known)
         return known
 
+    def __bool__(self) -> bool:
+        """Raise TypeError: Python's own `f and g` would be g, and its `not f` False."""
+        rule = "join formulas with And((f, g)), Or((f, g)) and Not(f), or inside the text with &, | and !"
+        raise TypeError(f"{shorten(str(self))} has no truth value of its own; {rule}; ask `is None` for a missing one")
+
     def __deepcopy__(self, memo: dict[int, Any]) -> Node:
         return self  # frozen
 
@@ -100,7 +109,14 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Number(Node):
+class Constant(Node):
+    """A number or a truth; `word` is its name where the text has one."""
+
+    word: str | None = field(default=None, compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Number(Constant):
     """A finite constant, at least 0 (write `Negative(Number(1))` for -1, as the text does)."""
 
     value: float

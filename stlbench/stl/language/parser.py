@@ -43,6 +43,7 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.language.tokens import Token, TokenStream
 
 _WEAK = ("W", "weak_until")
+_RENAME = "a signal needs another name"
 _LEVELS = {
     "<->": Level.IFF,
     "->": Level.IMPLIES,
@@ -140,6 +141,9 @@ class _Parser(TokenStream):
         if token.symbol == "-":
             self.take()
             return Negative(self.expression(Level.MINUS), position=token.position)
+        if token.symbol == "+":
+            self.take()
+            return self.expression(Level.MINUS)
         if self.at_prefix_word(minimum):
             return self.temporal()
         if token.kind == "number":
@@ -169,17 +173,17 @@ class _Parser(TokenStream):
         token = self.take()
         where = token.position
         if token.text in ("True", "true"):
-            return TrueFormula(position=where)
+            return TrueFormula(position=where, word=token.text)
         if token.text in ("False", "false"):
-            return Not(TrueFormula(position=where), position=where)
+            return Not(TrueFormula(position=where, word=token.text), position=where)
         if token.text == "pi":
-            return Number(math.pi, position=where)
+            return Number(math.pi, position=where, word=token.text)
         if self.at("("):
             return self.call(token)
         if token.text in FUNCTIONS:
-            self.fail(f"'(' after the function {token.text}")
+            self.fail(f"'(' after the function {token.text} ({_RENAME})")
         if token.text in RESERVED:
-            self.fail(f"a signal ({token.text} is a reserved word)", token.shown, where)
+            self.fail(f"a signal ({token.text} is a reserved word; {_RENAME})", token.shown, where)
         return Signal(token.text, position=where)
 
     # --- infix operators
@@ -234,12 +238,15 @@ class _Parser(TokenStream):
 
     def comparison(self, left: Expression) -> Formula:
         """One predicate, or for a chain such as `0 <= x <= 1` the conjunction of its links."""
-        links: list[Formula] = []
+        links: list[Predicate] = []
         start = left.position
         while self.infix_level() == Level.COMPARE:
             op = self.token
             if op.symbol not in COMPARISONS:
                 self.fail("'<=', '>=', '<' or '>' (equality of reals has no robustness: abs(x - y) <= tolerance)")
+            if links and links[0].op[0] != op.symbol[0]:
+                way = f"'{links[0].op[0]}' or '{links[0].op[0]}='"
+                self.fail(f"{way} (a chain of comparisons has one direction; join two by &)")
             self.take()
             right = self.expression(Level.SUM)
             links.append(Predicate(op.symbol, left, right, position=left.position))
@@ -280,7 +287,8 @@ class _Parser(TokenStream):
 
     def as_formula(self, node: AnyNode) -> Formula:
         if not isinstance(node, Formula):
-            self.fail("a comparison ('<=', '>=', '<', '>')")
+            alone = f"a signal alone is no formula: write {node} > 0" if isinstance(node, Signal) else None
+            self.fail("a comparison ('<=', '>=', '<', '>')", remedy=alone)
         return node
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import cast
 
-from stlbench.stl.errors import UnboundedError, UnknownSignalError, shorten
+from stlbench.stl.errors import AmbiguousError, UnboundedError, UnknownSignalError, shorten
 from stlbench.stl.language.expressions import Expression, Node, Signal
 from stlbench.stl.language.syntax import (
     BETWEEN,
@@ -44,10 +44,17 @@ def require_pointwise(psi: Formula) -> None:
         raise ValueError(f"expected a formula without temporal operators, got {shorten(str(psi))}")
 
 
-def as_names(names: Sequence[str]) -> tuple[str, ...]:
-    """`names` as a tuple. Raises TypeError for one text, which would be taken letter by letter."""
+def as_names(names: Sequence[str], formula: Formula | Expression, where: str = "trace") -> tuple[str, ...]:
+    """`names` as a tuple.
+
+    Raises:
+        TypeError: one text, which would be taken letter by letter.
+        AmbiguousError: a constant of `formula`, such as pi, has the name of a signal.
+    """
     if isinstance(names, str | bytes):
         raise TypeError(f"names is a sequence of signal names, got one text; write [{names!r}]")
+    if formula.words and (alike := formula.words.intersection(names)):
+        raise AmbiguousError(min(alike), where)
     return tuple(names)
 
 
@@ -128,6 +135,11 @@ def unbounded(formula: Formula) -> Temporal | None:
     return next((node for node in endless if not node.past), None)
 
 
+def is_endless(formula: Formula) -> bool:
+    """Whether an operator looks ahead without an interval."""
+    return unbounded(formula) is not None
+
+
 def lookahead(formula: Formula) -> int:
     """Steps that must follow step t in a recorded trace for `formula` to have a value at t.
 
@@ -175,7 +187,7 @@ def resolve_end(formula: Formula, last: int) -> Formula:
         if isinstance(formula, TrueFormula | Predicate):
             return formula
         return formula.with_operands([resolve_end(arg, last) for arg in operands_of(formula)])
-    for operator in filter(None, map(unbounded, operands_of(formula))):
+    for operator in (inner for inner in map(unbounded, operands_of(formula)) if inner is not None):
         reason = "stands inside another temporal operator, where it has no fixed interval; give it one, [a,b]"
         raise UnboundedError(operator.letter, operator.position, reason)
     if formula.past or formula.b < END:

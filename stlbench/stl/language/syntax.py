@@ -12,7 +12,7 @@ from itertools import chain
 from typing import ClassVar, Final, TypeAlias, cast
 
 from stlbench.stl.errors import Position
-from stlbench.stl.language.expressions import COMPARISONS, Expression, Level, Node, wrap
+from stlbench.stl.language.expressions import COMPARISONS, Constant, Expression, Level, Node, wrap
 
 #: the last step of an operator without an interval: the end of the trace, whatever that is, or for the past its begin
 END: Final = 2**62
@@ -21,7 +21,7 @@ MAX_STEP: Final = 2**53
 
 
 @dataclass(frozen=True)
-class TrueFormula(Node):
+class TrueFormula(Constant):
     """`True`, of robustness +inf."""
 
     def __str__(self) -> str:

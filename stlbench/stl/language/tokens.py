@@ -9,6 +9,7 @@ from typing import NamedTuple, NoReturn
 
 from stlbench.stl.errors import Position, StlSyntaxError, shorten
 from stlbench.stl.language.expressions import OPERATOR_WORDS
+from stlbench.stl.language.notations import remedy
 from stlbench.stl.language.syntax import MAX_STEP
 
 #: characters that a formula's text may have
@@ -17,7 +18,8 @@ MAX_LENGTH = 200_000
 _ROUNDING = Decimal("1e-6")
 _NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WORD = re.compile(r"\w+")
-_SYMBOLS = ("<->", "**", "<=", ">=", "==", "!=", "->", "&&", "||", *"+-*/^()[],<>=!&|")
+#: the last four of the first row are of other languages, and refused as a whole
+_SYMBOLS = ("<->", "<=>", "==>", "=>", "=<", "**", "<=", ">=", "==", "!=", "->", "&&", "||", *"+-*/^()[],<>=!&|")
 _ALIASES = {"&&": "&", "||": "|", "^": "**", **OPERATOR_WORDS}
 
 
@@ -51,6 +53,8 @@ def tokenize(text: str) -> list[Token]:
             if source[column].isspace():
                 column += 1
                 continue
+            if source[column] == "#":  # a comment
+                break
             token = _token(text, source, column, Position(line, column + 1))
             tokens.append(token)
             column += len(token.text)
@@ -61,14 +65,28 @@ def tokenize(text: str) -> list[Token]:
 def _token(text: str, source: str, column: int, position: Position) -> Token:
     if number := _NUMBER.match(source, column):
         return Token("number", number[0], "", position)
-    word = _WORD.match(source, column)
-    if word and word[0].isidentifier():
-        symbol = _ALIASES.get(word[0], "")
-        return Token("symbol" if symbol else "name", word[0], symbol, position)
+    if word := _name(source, column):
+        symbol = _ALIASES.get(word, "")
+        return Token("symbol" if symbol else "name", word, symbol, position)
     for spelling in _SYMBOLS:
         if source.startswith(spelling, column):
             return Token("symbol", spelling, _ALIASES.get(spelling, spelling), position)
-    raise StlSyntaxError(text, position, "a name, a number or an operator", repr(source[column]))
+    raise refused(text, position, "a name, a number or an operator", repr(source[column]))
+
+
+def _name(source: str, column: int) -> str:
+    """The longest name that begins at `column`; in `x²` it is x, though a regular expression takes ² for a letter."""
+    match = _WORD.match(source, column)
+    word = match[0] if match else ""
+    while word and not word.isidentifier():
+        word = word[:-1]
+    return word
+
+
+def refused(text: str, position: Position, expected: str, found: str, otherwise: str | None = None) -> StlSyntaxError:
+    """The error of text that is wrong at `position`, with a remedy: of a notation that is known, or `otherwise`."""
+    line = (text.splitlines() or [""])[position.line - 1]
+    return StlSyntaxError(text, position, expected, found, remedy(line, position.column, otherwise))
 
 
 class TokenStream:
@@ -100,10 +118,12 @@ class TokenStream:
             self.fail(or_else or repr(symbol))
         return self.take()
 
-    def fail(self, expected: str, found: str | None = None, position: Position | None = None) -> NoReturn:
+    def fail(
+        self, expected: str, found: str | None = None, position: Position | None = None, remedy: str | None = None
+    ) -> NoReturn:
         """Raise StlSyntaxError at the next token or at `position`."""
         token = self.token
-        raise StlSyntaxError(self.text, position or token.position, expected, found or token.shown)
+        raise refused(self.text, position or token.position, expected, found or token.shown, remedy)
 
     def number(self) -> float:
         token = self.token
@@ -112,6 +132,8 @@ class TokenStream:
         value = float(token.text)
         if not math.isfinite(value):
             self.fail("a finite number")
+        if token.text.isdigit() and Decimal(token.text) != Decimal(value):
+            self.fail("a whole number that is a float, as all up to 2**53 are (subtract the first value from all)")
         self.take()
         return value
 

@@ -18,7 +18,7 @@ from stlbench.stl.language.expressions import Expression
 from stlbench.stl.language.structure import as_names, check_names, require_formula, require_pointwise, signals, walk
 from stlbench.stl.language.syntax import Formula, Not, Predicate
 from stlbench.stl.predicates.dialect import ARRAYS, FLOATS, functions, indented
-from stlbench.stl.predicates.samples import as_array
+from stlbench.stl.predicates.samples import as_array, as_floats
 from stlbench.stl.predicates.writer import ExpressionWriter, FormulaWriter, Reading, may_overflow
 
 #: a function of samples (..., k)
@@ -46,7 +46,7 @@ def compile_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negat
     body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
     if not isinstance(body, list):
         return body
-    return _of_arrays(body, names)
+    return _of_arrays(body, names, psi)
 
 
 @lru_cache(maxsize=256)
@@ -123,8 +123,9 @@ def _predicate(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[A
     return functions(["def predicate(sample):", *indented(body)], namespace)["predicate"]
 
 
-def _of_arrays(body: Sequence[str], names: tuple[str, ...]) -> OfSamples:
-    return _predicate(body, {**ARRAYS.namespace, "as_array": partial(as_array, names=names)})
+def _of_arrays(body: Sequence[str], names: tuple[str, ...], node: Formula | Expression) -> OfSamples:
+    read = frozenset(signals(node))
+    return _predicate(body, {**ARRAYS.namespace, "as_floats": partial(as_floats, names=names, read=read)})
 
 
 def _columns(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
@@ -151,7 +152,7 @@ def margin(psi: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
         ValueError: psi has temporal operators, or a name occurs twice.
     """
     require_formula(psi)
-    return _per_sample(psi, as_names(names), "margin", float)
+    return _per_sample(psi, as_names(names, psi), "margin", float)
 
 
 def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
@@ -160,7 +161,7 @@ def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.
     Arguments, errors and shapes as `margin`; the function returns bool (...,). NaN margins count as false.
     """
     require_formula(psi)
-    return _per_sample(psi, as_names(names), "holds", bool)
+    return _per_sample(psi, as_names(names, psi), "holds", bool)
 
 
 def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[[Samples], Samples]:
@@ -175,7 +176,7 @@ def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[
         UndefinedError: a constant has no value, as in 1 / 0.
         ValueError: a name occurs twice.
     """
-    columns = [_filled(_compile_expression(node, as_names(names)), float) for node in expressions]
+    columns = [_filled(_compile_expression(node, as_names(names, node)), float) for node in expressions]
     return lambda samples: np.stack([column(samples) for column in columns], axis=-1)
 
 
@@ -187,7 +188,7 @@ def _per_sample(psi: Formula, names: tuple[str, ...], reading: Reading, dtype: t
 def _compile_expression(node: Expression, names: tuple[str, ...]) -> Compiled:
     writer = ExpressionWriter(check_names(node, names), ARRAYS)
     part = writer.expression(node, 0)
-    return _of_arrays(writer.returning(part), names) if part.value is None else part.value
+    return _of_arrays(writer.returning(part), names, node) if part.value is None else part.value
 
 
 def _filled(compiled: Compiled, dtype: type) -> OfSamples:

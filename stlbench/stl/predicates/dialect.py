@@ -92,7 +92,7 @@ ARRAYS = Dialect(
     | {"nan": math.nan, "inf": math.inf, "minimum": np.minimum, "maximum": np.maximum, "logical_not": np.logical_not}
     | {"where": np.where, "isnan": np.isnan, "square": np.square, "quotient": OPERATIONS["/"].arrays}
     | {"type": type, "ndarray": np.ndarray},
-    first="if type(sample) is not ndarray or sample.dtype.kind not in 'fiu': sample = as_array(sample)",
+    first="if type(sample) is not ndarray or sample.dtype.kind != 'f': sample = as_floats(sample)",
 )
 
 

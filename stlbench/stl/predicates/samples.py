@@ -16,7 +16,9 @@ from stlbench.stl.errors import shorten
 _NUMBERS = (Real, Decimal, np.bool_)
 #: up to here all whole numbers are floats, and no two of them the same one
 EXACT = 2**53
-REMEDY = "Subtract the first value from all, or take a larger unit"
+NO_FLOAT = (
+    "is no float: above 2**53 not all whole numbers are. Subtract the first value from all, or take a larger unit"
+)
 
 
 def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str] | None = None) -> NDArray[Any]:
@@ -52,7 +54,7 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
     return array.astype(np.float64)
 
 
-def as_floats(values: ArrayLike, names: Sequence[str], read: Collection[str]) -> NDArray[np.float64]:
+def as_floats(values: ArrayLike, names: Sequence[str], read: Collection[str] | None) -> NDArray[np.float64]:
     """The same as floats: in the arithmetic of integers 1 - 2 may be 255."""
     return np.asarray(as_array(values, names, read), dtype=np.float64)
 
@@ -125,4 +127,4 @@ def _exactly(value: int, place: tuple[int, ...], name: str | None) -> float:
     signal = "a sample" if name is None else f"signal {shorten(name)!r}"
     where = (f" at sample {place[-2]}" if len(place) > 1 else "") + (f" of trace {place[0]}" if len(place) > 2 else "")
     shown = shorten(str(value)) if abs(value) < 10**400 else "more than 1e400"
-    raise ValueError(f"{signal} is {shown}{where}, which is no float: above 2**53 not all whole numbers are. {REMEDY}")
+    raise ValueError(f"{signal} is {shown}{where}, which {NO_FLOAT}")

@@ -19,11 +19,11 @@ from stlbench.stl.errors import ShortTraceError, UndefinedError
 from stlbench.stl.language.structure import (
     as_names,
     check_names,
+    is_endless,
     lookahead,
     lookbehind,
     require_formula,
     signals,
-    unbounded,
 )
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.samples import as_array
@@ -70,7 +70,7 @@ def robustness(formula: Formula, trace: ArrayLike, names: Sequence[str], policy:
         UndefinedError: a predicate has no value at a sample that is read; a signal is NaN there, or its arithmetic
             has no value.
         TypeError: the formula is no formula, `names` is text, or samples that are read are no real numbers.
-        ValueError: shapes, names or policy do not fit.
+        ValueError: shapes, names or policy do not fit, or a whole number that is read would be rounded to a float.
     """
     return _evaluate("margin", formula, trace, names, _checked(policy), full=False)[0]
 
@@ -142,7 +142,7 @@ def holds_trace(formula: Formula, names: Sequence[str]) -> Callable[[Floats], Bo
 
 def _compiled(formula: Formula, names: Sequence[str], reading: Reading) -> Callable[[Floats], Floats]:
     require_formula(formula)
-    program = _program(formula, as_names(names), reading)
+    program = _program(formula, as_names(names, formula), reading)
 
     def run(samples: Floats) -> Floats:
         last = samples.shape[1] - 1
@@ -196,7 +196,7 @@ class _Program:
 @lru_cache(maxsize=128)
 def _program(formula: Formula, names: tuple[str, ...], reading: Reading) -> _Program:
     check_names(formula, names)
-    ahead, behind, to_the_end = lookahead(formula), lookbehind(formula), unbounded(formula) is not None
+    ahead, behind, to_the_end = lookahead(formula), lookbehind(formula), is_endless(formula)
     read = frozenset(signals(formula))
     return _Program(formula, names, reading, ahead, behind, to_the_end, read, evaluator(formula, names, reading))
 
@@ -206,7 +206,7 @@ def _evaluate(
 ) -> list[Floats]:
     """The values of `formula` at t = 0 or (`full`) at every t; under `interval` their lower and upper bounds."""
     require_formula(formula)
-    program = _program(formula, as_names(names), reading)
+    program = _program(formula, as_names(names, formula), reading)
     samples = as_array(trace, program.names, program.read)
     _check_shape(program, samples, end)
     steps = samples.shape[-2]

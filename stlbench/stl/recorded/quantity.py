@@ -51,7 +51,7 @@ class Quantity:
         self.horizon, self.semantics = horizon(formula), semantics
         self.formula = negations_inside(formula, to_predicates=semantics.divided)
         self.leaves = tuple(dict.fromkeys(_leaves(self.formula, semantics.divided)))
-        known = as_names(names)
+        known = as_names(names, formula)
         self._read = [valued(leaf) if valued else margin(leaf, known) for leaf in self.leaves]
 
     def read(self, samples: Floats) -> Floats:

@@ -88,7 +88,7 @@ def witness(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> Witness
             under `strict`, with its other errors.
     """
     require_formula(formula)
-    named = as_names(names)
+    named = as_names(names, formula)
     samples = as_array(trace, named, signals(formula))
     if samples.ndim != 2:
         raise ValueError(f"a witness is of one trace (T+1, k), got the shape {samples.shape}")

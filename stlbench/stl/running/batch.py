@@ -58,7 +58,7 @@ class BatchMonitor:
     def __init__(self, formula: Formula, names: Sequence[str], count: int) -> None:
         """Start before the first samples; `names` are the signals of a sample, in order; count >= 1."""
         require_formula(formula)
-        self.formula, self.names = formula, as_names(names)
+        self.formula, self.names = formula, as_names(names, formula)
         check_names(formula, self.names)
         if count < 1:
             raise ValueError(f"a batch has at least 1 trace, got {count}")

@@ -67,7 +67,7 @@ class Monitor:
     def __init__(self, formula: Formula, names: Sequence[str]) -> None:
         """Start before the first sample; `names` are the signals of a sample, in order."""
         require_formula(formula)
-        self.formula, self.names = formula, as_names(names)
+        self.formula, self.names = formula, as_names(names, formula)
         begin, step, self.horizon = program(formula, self.names)
         self._state = State()
         begin(self._state)

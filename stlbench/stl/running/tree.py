@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from stlbench.stl.language.expressions import MAX_DEPTH
-from stlbench.stl.language.structure import horizon, is_temporal, unbounded
+from stlbench.stl.language.structure import horizon, is_endless, is_temporal
 from stlbench.stl.language.syntax import (
     END,
     Always,
@@ -162,4 +162,4 @@ def _together(formula: Connective) -> Sequence[tuple[Formula, bool]]:
 
 def last_step(formula: Formula) -> int:
     """The last step that `formula` reads at t = 0: its horizon, or `END`."""
-    return END if unbounded(formula) is not None else horizon(formula)
+    return END if is_endless(formula) else horizon(formula)

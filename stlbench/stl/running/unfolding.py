@@ -22,13 +22,13 @@ from stlbench.arithmetic.windows import until
 from stlbench.stl.errors import FormulaLimitError, UndefinedError
 from stlbench.stl.language.structure import (
     first_past,
+    is_endless,
     lookahead,
     lookbehind,
     negations_inside,
     operands_of,
     pointwise_parts,
     signals,
-    unbounded,
     walk,
 )
 from stlbench.stl.language.syntax import (
@@ -107,7 +107,7 @@ class Unfolding:
         operands = (left, right)
         self.always = left == TrueFormula()
         self.left, self.right = left, right
-        self.ahead = END if any(map(unbounded, operands)) else max(map(lookahead, operands))
+        self.ahead = END if any(map(is_endless, operands)) else max(map(lookahead, operands))
         self.behind = max(map(lookbehind, operands))
         self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
         self.reaches = self.always and first_past(right) is None and _to_come(right, names, False) == np.inf
@@ -219,9 +219,9 @@ def unnested(formula: Formula) -> Formula:
     """
     try:
         match formula:
-            case Eventually(0, b, arg) if b == END and (known := _pulled(negations_inside(arg))):
+            case Eventually(0, b, arg) if b == END and (known := _pulled(negations_inside(arg))) is not None:
                 return Eventually(0, END, known)
-            case Always(0, b, arg) if b == END and (known := _pulled(negations_inside(Not(arg)))):
+            case Always(0, b, arg) if b == END and (known := _pulled(negations_inside(Not(arg)))) is not None:
                 return Always(0, END, Not(known))
     except FormulaLimitError:
         pass
@@ -231,15 +231,15 @@ def unnested(formula: Formula) -> Formula:
 def _pulled(arg: Formula) -> Formula | None:
     """A formula q with F arg = F q, without operators that look ahead without an interval."""
     parts = arg.args if isinstance(arg, And) else (arg,)
-    endless = [part for part in parts if unbounded(part)]
-    rest = [part for part in parts if not unbounded(part)]
+    endless = [part for part in parts if is_endless(part)]
+    rest = [part for part in parts if not is_endless(part)]
     if len(endless) != 1:
         return None
     match endless[0]:
         case Eventually(_, b, inner) if b == END:
             goal = And((inner, Once(0, END, _all(rest)))) if rest else inner
-            return _pulled(goal) if unbounded(inner) else goal
-        case Release(_, b, left, right) if b == END and not (unbounded(left) or unbounded(right)):
+            return _pulled(goal) if is_endless(inner) else goal
+        case Release(_, b, left, right) if b == END and not (is_endless(left) or is_endless(right)):
             return And((left, Since(0, END, right, _all([*rest, right])))) if _varies(left) and _varies(right) else None
         case _:
             return None

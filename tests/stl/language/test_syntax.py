@@ -109,3 +109,16 @@ def test_nodes_of_different_kinds_hash_apart() -> None:
         stl.Or((P, Q)),
     ]
     assert len({hash(node) for node in nodes}) == len(nodes)
+
+
+@pytest.mark.parametrize("text", ["x >= 0", "G[0,1] x >= 0 & y < 1", "True", "False"])
+def test_a_formula_has_no_truth_value(text: str) -> None:
+    """Or `f and g` is g, and `not f` is False, without a word."""
+    f, g = stl.parse(text), stl.parse("y >= 1")
+    for use in (lambda: f and g, lambda: f or g, lambda: not f, lambda: bool(f), lambda: g if f else f):
+        with pytest.raises(TypeError, match=r"has no truth value of its own; join formulas with And\(\(f, g\)\), Or"):
+            use()
+    with pytest.raises(TypeError, match="has no truth value"):
+        bool(stl.parse_expression("x + 1"))
+    assert [f, g].index(g) == 1
+    assert f == stl.parse(text)

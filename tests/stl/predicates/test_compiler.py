@@ -222,7 +222,7 @@ def test_no_name_reaches_the_source(name: str, reading: str) -> None:
 @pytest.mark.parametrize("reading", READINGS)
 @given(FORMULAS)
 def test_every_word_of_the_source_is_one_of_ours(reading: str, psi: stl.Formula) -> None:
-    words = "sample not or if else is in return True False dtype kind fiu as_array"
+    words = "sample not or if else is in return True False dtype kind f as_floats"
     ours = {*READINGS[reading][0].namespace, *words.split()}
     try:
         source = statements(psi, NAMES, reading)
