@@ -13,7 +13,8 @@ from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import SavedTraces, read_saved
 from stlbench.rollout.early_ends import last_steps
-from stlbench.rollout.trace_table import read_table
+from stlbench.rollout.trace_table import TraceTable, read_table
+from stlbench.rollout.trace_times import times_of
 
 ShortTraces = Literal["strict", "clip"]
 
@@ -29,7 +30,7 @@ def monitor(
     inputs: Annotated[
         list[str],
         typer.Argument(
-            metavar="[FORMULA] TRACE", help="A formula, left out with --formulas; a CSV file, '-' or an .npz of a run."
+            metavar="[FORMULA] TRACE", help="A formula, left out with --formulas; a table of text, '-' or an .npz."
         ),
     ],
     formulas: Annotated[
@@ -38,8 +39,13 @@ def monitor(
     ] = None,
     dt: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Sampling time; intervals are then in seconds, else in rows."),
+        typer.Option(
+            metavar="SECONDS",
+            help="Sampling time: intervals are in seconds.",
+            show_default="by the trace's column of time; without one intervals count rows",
+        ),
     ] = None,
+    rows: Annotated[bool, typer.Option("--rows", help="Intervals count rows; no column of time is read.")] = False,
     policy: Annotated[
         ShortTraces,
         typer.Option(help="A trace that ends too early is an error (strict), or cuts intervals (clip)."),
@@ -52,11 +58,12 @@ def monitor(
     """Robustness and verdict of a recorded trace.
 
     TRACE is a table of text: a header row that names the signals, then one row per step, separated by commas,
-    semicolons or tabs; '-' reads it from standard input. Columns that no formula uses may hold anything; a column
-    'time' is checked against --dt. Or TRACE is an .npz from the folder 'traces' of a run, with the traces from all
-    starts. The formula is evaluated at the first row. The exit code is 0 whatever the verdict. --json prints a list of
-    {"formula", "robustness", "satisfied"}, for an .npz with "start"; an infinite robustness is null there. Before a
-    formula that begins with '-' write '--'.
+    semicolons or tabs; '-' reads it from standard input. Columns that no formula uses may hold anything. A column
+    'time', 't' or 'timestamp', in seconds or as in 'time (ms)', must rise. It gives the sampling time, or is checked
+    against --dt. Or TRACE is an .npz from the folder 'traces' of a run, with the traces from all starts. The formula is
+    evaluated at the first row. The exit code is 0 whatever the verdict. --json prints a list of {"formula",
+    "robustness", "satisfied"}, for an .npz with "start"; an infinite robustness is null there. Before a formula that
+    begins with '-' write '--'.
 
     \b
     Examples:
@@ -65,11 +72,19 @@ def monitor(
       stlbench monitor "G x <= 1" results/traces/CELL.npz --start 3
     """
     sources, path = _sources(inputs, formulas)
-    parsed = [_parsed(source, dt) for source in sources]
-    used = {name for formula in parsed for name in stl.signals(formula)}
-    traces, starts = _traces(path, used, dt, start)
-    if path.suffix == ".npz":
+    if rows and dt is not None:
+        raise UsageError("--rows lets intervals count rows, and --dt seconds; give one of them")
+    if path.suffix.lower() == ".npz":
+        parsed = [_parsed(source, dt) for source in sources]
+        traces, starts = _saved(path, {name for formula in parsed for name in stl.signals(formula)}, start)
         _warn_of_early_ends(traces, starts)
+    else:
+        table, starts = _table(path, start), [None]
+        if not rows:
+            dt = _sampling_time(table, dt, any("[" in source.text for source in sources))
+        parsed = [_parsed(source, dt) for source in sources]
+        samples = table.samples({name for formula in parsed for name in stl.signals(formula)})
+        traces = SavedTraces(table.names, samples[None])
     verdicts = [
         _judge(source, formula, traces._replace(samples=samples), start, policy)
         for source, formula in zip(sources, parsed, strict=True)
@@ -107,27 +122,50 @@ def _parsed(source: Source, dt: float | None) -> stl.Formula:
         raise UsageError(f"{source.place}: {error}") from error
 
 
-def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> tuple[SavedTraces, list[int | None]]:
-    """The traces, and the numbers of their starts; None for a table."""
-    if path.suffix == ".npz":
-        saved = read_saved(path)
-        count = len(saved.samples)
-        if start is None:
-            return saved, list(range(count))
-        if start >= count:
-            raise UsageError(f"{path} has starts 0 to {count - 1}, got --start {start}")
-        return saved._replace(samples=saved.samples[start : start + 1]), [start]
+def _saved(path: Path, used: set[str], start: int | None) -> tuple[SavedTraces, list[int | None]]:
+    """The traces of an .npz, and the numbers of their starts."""
+    saved = read_saved(path, read=used)
+    count = len(saved.samples)
+    if start is None:
+        return saved, list(range(count))
+    if start >= count:
+        raise UsageError(f"{path} has starts 0 to {count - 1}, got --start {start}")
+    return saved._replace(samples=saved.samples[start : start + 1]), [start]
+
+
+def _table(path: Path, start: int | None) -> TraceTable:
     if start is not None:
         raise UsageError(f"--start chooses from the traces of an .npz; {path} is one trace")
     table = read_table(path)
     if table.delimiter != "commas":
         warn(f"{table.source} is separated by {table.delimiter}, and read so")
-    if dt is not None and "time" in table.names:
-        if "time" in used or table.is_numeric("time"):
-            table.check_times(dt)
-        else:
-            warn(f"the column 'time' of {table.source} is not in numbers; --dt is not checked against it")
-    return SavedTraces(table.names, table.samples(used)[None]), [None]
+    return table
+
+
+def _sampling_time(table: TraceTable, dt: float | None, has_intervals: bool) -> float | None:
+    """Seconds from row to row, as the user says, or by the table's column of time; None where there is neither."""
+    times = times_of(table)
+    if times is None:
+        return dt
+    if not times.is_numeric:
+        said = f"the column '{times.title}' of {table.source} is not in numbers"
+        if dt is not None:
+            warn(f"{said}; --dt is not checked against it")
+        elif has_intervals:
+            raise UsageError(f"{said}; name the sampling time, --dt SECONDS, or let intervals count rows, --rows")
+        return dt
+    if dt is not None:
+        if dt > 0:  # else the formula refuses it
+            times.check(dt)
+        return dt
+    times.check_rise()
+    if not has_intervals or len(table.rows) < 2:
+        return None
+    found = times.sampling_time()
+    if found != 1:
+        how = f"rows are {found:g} s apart by the column '{times.title}'; with --rows they count rows"
+        warn(f"intervals are in seconds, as {table.source} has times: {how}")
+    return found
 
 
 def _judge(

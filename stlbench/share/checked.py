@@ -66,7 +66,7 @@ def _file(folder: Path, result: Result) -> Path:
 
 def _policies(folder: Path, result: Result) -> Iterator[str]:
     try:
-        if npz.unpacked_size(_file(folder, result)) > LARGEST_POLICIES:
+        if npz.size_as_floats(_file(folder, result)) > LARGEST_POLICIES:
             yield f"{result.id.name}: its policies would be more than {LARGEST_POLICIES >> 20} MiB in memory"
             return
         for which in ("selected", "final"):

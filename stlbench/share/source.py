@@ -18,6 +18,7 @@ from stlbench.registry.fingerprint import fingerprint
 Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]
 _ENDINGS: dict[str, Kind] = {
     ".csv": "traces",
+    ".gz": "traces",
     ".npz": "traces",
     ".onnx": "onnx",
     ".pt": "torch",
@@ -67,7 +68,8 @@ class Source:
 
 def _sha256(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
 
@@ -83,7 +85,7 @@ def find_source(text: str, architecture: str | None = None, table: str | None = 
     if kind is None:
         kind = "function" if _FUNCTION.fullmatch(text) else "cell" if _CELL.fullmatch(text) else None
     if kind is None:
-        files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv or .npz (traces)"
+        files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv, .csv.gz or .npz (traces)"
         kinds = f"a cell's name task/method/agent/seed, module:function, or {files}"
         raise UsageError(f"'{text}' names no policy; one is {kinds}")
     if architecture is not None and kind != "torch":

@@ -12,21 +12,22 @@ from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.early_ends import last_steps
 from stlbench.rollout.referee import Episodes
 from stlbench.rollout.trace_table import read_table
+from stlbench.rollout.trace_times import times_of
 from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
 
 
 def load_traces(path: Path, task: Task) -> Episodes:
-    """The episodes of a task's signals in a file: a table of text with one, or an .npz with several.
+    """The episodes of a task's signals in a file: an .npz with several, or a table of text with one.
 
     If the environment may end an episode, a trace may be shorter, or have NaN at its end. It then is as the referee
     records it: its last sample stays, or there is NaN, as the task's `terminated` says. Raises `UsageError`.
     """
-    if path.suffix.lower() == ".csv":
-        traces = _table(path, task)
-    else:
-        saved = read_saved(path)
+    if path.suffix.lower() == ".npz":
+        saved = read_saved(path, read=task.signals)
         traces = saved.samples[..., _columns(path, saved.names, task)]
+    else:
+        traces = _table(path, task)
     rows, early = task.file.steps + 1, task.specification.can_end
     if traces.shape[1] > rows or (traces.shape[1] < rows and not early):
         rule = f"an episode of {task.name} has {rows}, one at the start and one after each step"
@@ -55,8 +56,8 @@ def _table(path: Path, task: Task) -> Array:
     columns = _columns(path, table.names, task)
     if task.specification.can_end:
         table = table.without_end(task.signals)
-    if "time" in table.names and "time" not in task.signals:
-        table.check_times(task.file.sampling_time)
+    if times := times_of(table, task.signals):
+        times.check(task.file.sampling_time)
     traces: Array = table.samples(task.signals)[None][..., columns]
     return traces
 

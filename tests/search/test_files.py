@@ -12,6 +12,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.trace_table import read_table
+from stlbench.rollout.trace_times import times_of
 from stlbench.search import outputs
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write
@@ -41,7 +42,9 @@ def test_the_arrays_and_the_table(found: Falsification, paths: list[Path]) -> No
         start = dict(zip(arrays["coordinates"].tolist(), arrays["start"].tolist(), strict=True))
     assert start == found.start
     table = read_table(paths[1])
-    table.check_times(task.file.sampling_time)
+    times = times_of(table)
+    assert times is not None
+    times.check(task.file.sampling_time)
     assert stl.robustness(task.formula, table.samples(task.signals), table.names) == found.worst.robustness
 
 
