@@ -35,7 +35,8 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
     """
     masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
     several = isinstance(values, list | tuple)
-    if masked is not None and any(isinstance(each, masked.MaskedArray) for each in (values if several else [values])):
+    parts: Any = values if several else [values]
+    if masked is not None and any(isinstance(part, masked.MaskedArray) for part in parts):
         raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
     if isinstance(values, str | bytes):
         raise TypeError(f"samples are numbers, got {type(values).__name__}")
