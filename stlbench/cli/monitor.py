@@ -15,6 +15,7 @@ from stlbench.records.saved_traces import SavedTraces, read_saved
 from stlbench.rollout.early_ends import last_steps
 from stlbench.rollout.trace_table import TraceTable, read_table
 from stlbench.rollout.trace_times import times_of
+from stlbench.stl.language.listing import listed
 
 ShortTraces = Literal["strict", "clip"]
 
@@ -35,7 +36,9 @@ def monitor(
     ],
     formulas: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Formulas, one per line; blank lines and '# ...' lines are skipped."),
+        typer.Option(
+            metavar="FILE", help="Formulas, one per line or over lines that end inside one; '# ...' is a comment."
+        ),
     ] = None,
     dt: Annotated[
         float | None,
@@ -105,11 +108,10 @@ def _sources(inputs: list[str], formulas: Path | None) -> tuple[list[Source], Pa
 
 def _read_formulas(path: Path) -> list[Source]:
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
-    sources = [Source(line.strip(), f"{path}, line {number}") for number, line in enumerate(lines, 1)]
-    sources = [source for source in sources if source.text and not source.text.startswith("#")]
+    sources = [Source(formula, f"{path}, line {number}") for number, formula in listed(text)]
     if not sources:
         raise UsageError(f"{path} holds no formula; write one per line")
     return sources

@@ -44,6 +44,21 @@ def test_many_formulas_and_intervals_in_seconds(say, trace):
     assert judged(say, "F[0,0.1] y >= 2.5", trace, "--dt", "0.1") == [0.5]
 
 
+def test_a_file_of_formulas_may_have_comments_and_line_breaks(say, trace):
+    Path("all.txt").write_text(
+        "x >= 0  # the first\nF[0,2] (  # the second\n  y >= 2.5\n  | y >= 9\n)\nx >= +1\n& y >= 0\n"
+    )
+    done = say("monitor", "--json", "--formulas", "all.txt", trace)
+    assert [(verdict["formula"], verdict["robustness"]) for verdict in json.loads(done.stdout)] == [
+        ("x >= 0", 0.0),
+        ("F[0,2] ( y >= 2.5 | y >= 9 )", 0.5),
+        ("x >= +1 & y >= 0", -1.0),
+    ]
+    Path("all.txt").write_text("x >= 0\nF[0,2] (\n  y >= 2.5\n")
+    said = say("monitor", "--formulas", "all.txt", trace).stderr
+    assert "all.txt, line 2: line 1, column 18: expected ')'" in said
+
+
 def test_other_ways_to_write_the_same_trace(say):
     for text in (
         "\ufeffx,y\r\n0,1\r\n1,3\r\n2,-1\r\n",

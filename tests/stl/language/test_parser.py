@@ -55,6 +55,25 @@ def test_constants() -> None:
     assert stl.parse("False") == stl.Not(stl.TrueFormula())
 
 
+def test_a_plus_before_a_number_or_a_name_changes_nothing() -> None:
+    assert stl.parse("+x > +1 & y <= 2 - +3 * +y") == stl.parse("x > 1 & y <= 2 - 3 * y")
+    assert stl.parse("G[0,1] +x > -+-1") == stl.parse("G[0,1] x > --1")
+
+
+def test_a_chain_may_go_down() -> None:
+    assert stl.parse("1 > x >= 0 > y") == stl.parse("1 > x & x >= 0 & 0 > y")
+    assert stl.parse("x <-1") == stl.parse("x < -1")
+
+
+def test_comments_and_line_breaks() -> None:
+    text = "# both\nG[0,1] x > 1 # up\n  &   # and\n\n  y < 2#down\n#\n"
+    assert stl.parse(text) == stl.parse("G[0,1] x > 1 & y < 2")
+    with pytest.raises(stl.StlSyntaxError, match="line 2, column 11: expected a comparison"):
+        stl.parse("x > 1 & # see below\n  y # >= 1")
+    with pytest.raises(stl.StlSyntaxError, match="found the end of the formula"):
+        stl.parse("# x > 1")
+
+
 def test_seconds_become_steps() -> None:
     assert stl.parse("F[0.3,2] x >= 1", dt=0.1) == stl.parse("F[3,20] x >= 1")
     assert stl.parse("F[0.3,2] x >= 1", dt=np.float64(0.1)) == stl.parse("F[3,20] x >= 1")
@@ -120,6 +139,12 @@ def test_intervals_of_many_steps() -> None:
         ("G[0,1 x >= 1", 1, 7, "']'", "'x'"),
         ("x == 1", 1, 3, "abs(x - y) <= tolerance", "'=='"),
         ("x != 1", 1, 3, "abs(x - y) <= tolerance", "'!='"),
+        ("x => 1", 1, 3, "an operator or a comparison", "'=>'"),
+        ("x =< 1", 1, 3, "an operator or a comparison", "'=<'"),
+        ("x\u00b2 > 1", 1, 2, "a name, a number or an operator", "'\u00b2'"),
+        ("x > 1 <- y > 1", 1, 7, "'>' or '>=' (a chain of comparisons has one direction", "'<'"),
+        ("0 <= x > 1", 1, 8, "'<' or '<=' (a chain", "'>'"),
+        ("+(x > 1)", 1, 2, "an arithmetic expression", "a formula"),
         ("abs >= 1", 1, 5, "'('", "'>='"),
         ("cosh(x) >= 1", 1, 1, "a function (abs", "'cosh'"),
         ("sqrt(x, y) >= 1", 1, 5, "one argument", "2"),
@@ -140,6 +165,8 @@ def test_errors_point_at_the_place(text: str, line: int, column: int, expected: 
     assert (error.line, error.column) == (line, column)
     assert expected in error.expected
     first, source, caret = str(error).split("\n")
+    remedy = f"; {error.remedy}" if error.remedy else ""
     assert first.startswith(f"line {line}, column {column}: expected {error.expected} but found {found}")
+    assert first.endswith(remedy)
     assert source[4:] == (text.splitlines() or [""])[line - 1]
     assert caret == " " * (3 + column) + "^"
