@@ -20,6 +20,7 @@ from stlbench.contract import Intractable, Unsuitable, cause
 from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import executor_of
+from stlbench.registry.exits import interrupts_raise
 from stlbench.registry.plugins import Plugin
 from stlbench.rollout.faults import PluginFault
 from stlbench.study.schema import json_schema
@@ -185,10 +186,11 @@ def check(
         raise UsageError(f"--task is for a method, and {plugin} is none")
     broken = ""
     try:
-        if plugin.kind == "methods":
-            testing.check_method(name, task, rules)
-        else:
-            getattr(testing, f"check_{plugin.kind.removesuffix('s')}")(name, rules)
+        with interrupts_raise():
+            if plugin.kind == "methods":
+                testing.check_method(name, task, rules)
+            else:
+                getattr(testing, f"check_{plugin.kind.removesuffix('s')}")(name, rules)
     except PluginFault as fault:
         broken = f"it raises nothing that the contract does not name; got {_raised(fault)}"
     except UsageError:

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 from stlbench import contract
 from stlbench.errors import DISTRIBUTION, UsageError, cause, did_you_mean, one_line
 from stlbench.registry import choices, fingerprint
+from stlbench.registry.breaches import breach, misfit
 from stlbench.registry.choices import Choice
-from stlbench.registry.exits import exits_raise
+from stlbench.registry.exits import exits_raise, importing
 from stlbench.registry.installed import entries
 
 _CONTRACTS: Mapping[str, tuple[type, ...]] = {
@@ -55,18 +56,28 @@ class Plugin:
 
     def load(self) -> type:
         """The class that the entry point names. Raises `PluginError` if it is no complete class of its kind."""
+        is_new = not self.is_own and self.entry_point.module not in sys.modules
         try:
-            with exits_raise():
+            with importing(f"{self} ({self.entry_point.value})") if is_new else exits_raise():
                 loaded = self._imported()
-        except (Exception, SystemExit) as error:
+                problem = self._problem(loaded)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # one of its own need not be an `Exception`
             raise self._error(cause(error)) from error
+        if problem:
+            raise self._error(problem)
+        return cast(type, loaded)
+
+    def _problem(self, loaded: object) -> str:
+        """Why what was imported is no complete class of its kind; nothing where it is."""
         bases = _CONTRACTS[self.kind]
         if not (isinstance(loaded, type) and issubclass(loaded, bases)):
-            raise self._error(f"it must be a subclass of stlbench.contract.{_either(bases)}")
+            return f"it must be a subclass of stlbench.contract.{_either(bases)}"
         if missing := getattr(loaded, "__abstractmethods__", None):
             base = next(base for base in bases if issubclass(loaded, base))
-            raise self._error(f"it lacks {', '.join(sorted(missing))} of stlbench.contract.{base.__name__}")
-        return loaded
+            return f"it lacks {', '.join(sorted(missing))} of stlbench.contract.{base.__name__}"
+        return ""
 
     def _imported(self) -> object:
         loaded = self.entry_point.load()
@@ -170,8 +181,8 @@ def _about(kind: str, word: str) -> list[str]:
 
 def name_of(kind: str, loaded: type) -> str | None:
     """The name of the plugin that is this class; None where none is."""
-    classes, _ = loadable(kind)
-    return next((name for name, each in classes.items() if each is loaded), None)
+    imported = (plugin for plugin in available(kind).values() if plugin.entry_point.module in sys.modules)
+    return next((plugin.name for plugin in imported if plugin.load() is loaded), None)
 
 
 def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
@@ -219,20 +230,10 @@ def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | N
     parameters override. Raises `UsageError` if the plugin cannot be loaded or a parameter is wrong.
     """
     keywords, plugin = check(kind, choice, defaults), find(kind, choice.name)
-    made = plugin.load()(*args, **keywords)
-    if problem := not_initialised(made):
+    loaded = plugin.load()
+    if problem := misfit(loaded, args, keywords):
+        raise plugin._error(problem)
+    made = loaded(*args, **keywords)
+    if problem := breach(made):
         raise plugin._error(problem)
     return made
-
-
-_KEPT: Mapping[type, str] = {contract.RewardMethod: "specification", contract.System: "dt", contract.Executor: "jobs"}
-"""Base class -> what its constructor keeps of what it is given."""
-
-
-def not_initialised(made: object) -> str | None:
-    """A line that says that a plugin's constructor did not call that of its base class; None if it did."""
-    for base, name in _KEPT.items():
-        if isinstance(made, base) and not hasattr(made, name):
-            given = f"{name}={name}" if base is contract.Executor else name
-            return f"the constructor of {type(made).__name__} does not call super().__init__({given})"
-    return None

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from stlbench.contract import Agent, Intractable, RewardMethod
+from stlbench.contract import Agent, Cost, Intractable, RewardMethod
 from stlbench.rollout.observing import size_without
 from stlbench.task.task import Task
 
@@ -27,6 +27,8 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
     without = agent.cost(size, task.actions, decisions)
     if cost is None or without is None:
         return
+    if not (isinstance(cost, Cost) and isinstance(without, Cost)):
+        raise TypeError(f"cost of {type(agent).__name__} gives {type(cost).__name__}, the contract says Cost or None")
     replay, longer = cost.replay / _GIB, cost.update / without.update
     if replay > REPLAY_LIMIT or longer > UPDATE_LIMIT:
         raise Intractable(

@@ -54,7 +54,7 @@ class Simulator:
         self.world: World = make_world(self.task, len(begun), drawn=self._drawn)
         self.world.restart(np.arange(len(begun)), begun)
         self.t: Integers = np.zeros(len(begun), dtype=np.int64)
-        self.memory = self.method.initial_memory(self.signals, self.t)
+        self.memory = faults.check_memory(self.method, self.method.initial_memory(self.signals, self.t), self.t)
         return self.observe()
 
     def reset_rows(self, rows: Integers, begun: Array, t: Integers) -> None:
@@ -63,7 +63,7 @@ class Simulator:
         self.t[rows] = t
         if self.method.memory_size:
             self.memory = self.memory.copy()
-            self.memory[rows] = self.method.initial_memory(self.signals[rows], t)
+            self.memory[rows] = faults.check_memory(self.method, self.method.initial_memory(self.signals[rows], t), t)
 
     def observe(self) -> Array:
         """What a policy sees: the task's features, the time, the inputs: (N, D)."""
@@ -79,9 +79,7 @@ class Simulator:
         """The observations (n, D)."""
         numbers = moment.numbers(self.task)
         parts = [numbers, *time_and_inputs(self.method, self._times, moment.t, moment.memory)]
-        observation = np.concatenate(parts, axis=1)
-        faults.check_observation(self.task, self.method, parts, observation, moment.t)
-        return observation
+        return faults.observation(self.task, self.method, parts, moment.t)
 
     def advance(self, action: Integers | Array) -> Steps:
         """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""

@@ -26,62 +26,66 @@ class PluginFault(UsageError):
 
 def pay(method: RewardMethod, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
     """What `RewardMethod.along` gives: rewards (hold, N), and the memory after them. Raises `PluginFault`."""
-    rewards, memory = method.along(samples, action, t, memory)
+    paid = method.along(samples, action, t, memory)
+    if not (isinstance(paid, tuple) and len(paid) == 2):
+        _fault(method, f"along gives {_shown(paid)}, the contract says rewards and memory")
+    rewards, memory = paid
     check_rewards(method, rewards, len(samples) - 1, t)
-    if method.memory_size:
-        check_memory(method, memory, t + len(samples) - 1)
+    check_memory(method, memory, t + len(samples) - 1)
     return rewards, memory
 
 
 def check_rewards(method: RewardMethod, rewards: Array, hold: int, t: Integers) -> None:
     """Rewards (hold, N) while an action was held from steps t (N,) on."""
-    if not are_numbers(rewards):
-        _fault(method, f"its rewards are {kind_of(rewards)}, the contract says an array of real numbers, float64")
-    _shaped(method, "rewards", rewards, (hold, len(t)))
+    _numbers(method, "rewards", rewards, (hold, len(t)))
     if not _finite(rewards):
         _tell(method, "reward", rewards.T, t + 1)
 
 
-def check_memory(method: RewardMethod, memory: Array, t: Integers) -> None:
-    _shaped(method, "memory", memory, (len(t), method.memory_size))
-    if not _finite(memory):
+def check_memory(method: RewardMethod, memory: Array, t: Integers) -> Array:
+    """The same memory (N, m), of copies at steps t (N,)."""
+    _numbers(method, "memory", memory, (len(t), method.memory_size))
+    if method.memory_size and not _finite(memory):
         _tell(method, "memory", memory[:, None], t)
+    return memory
 
 
 def check_over(method: RewardMethod, over: Truth, count: int) -> None:
     """Whether each of so many copies is over, (N,)."""
     _shaped(method, "over", over, (count,))
-    if over.dtype.kind != "b":
-        _fault(method, f"over gives {over.dtype}, the contract says whether: bool")
+    if not (isinstance(over, np.ndarray) and over.dtype.kind == "b"):
+        _fault(method, f"over gives {_shown(over)}, the contract says whether: bool")
 
 
 def check_samples(task: Task, samples: Array, hold: int, t: Integers) -> None:
     """Signals (hold + 1, N, k), of which the first are at steps t (N,)."""
-    _shaped(task, "signals", samples, (hold + 1, len(t), len(task.signals)))
+    _numbers(task, "signals", samples, (hold + 1, len(t), len(task.signals)))
     if not _finite(samples):
         _tell(task, "signal", samples.transpose(1, 0, 2), t, task.signals)
 
 
-def check_observation(task: Task, method: RewardMethod, parts: list[Array], observation: Array, t: Integers) -> None:
-    """The features (N, d), the times, and the inputs (N, i) of a method that has any: all of an observation."""
+def observation(task: Task, method: RewardMethod, parts: list[Array], t: Integers) -> Array:
+    """An observation (N, D) of its parts: features (N, d), times, and the inputs (N, i) of a method that has any."""
+    _numbers(task, "features", parts[0], (len(t), np.size(parts[0]) // len(t)))
     if len(parts) > 2:
-        _shaped(method, "inputs", parts[2], (len(t), method.input_size))
-    if _finite(observation):
-        return
-    if not _finite(parts[0]):
-        _tell(task, "feature", parts[0][:, None], t, range(parts[0].shape[1]))
-    check_inputs(method, parts[2], t)
+        _numbers(method, "inputs", parts[2], (len(t), method.input_size))
+    joined: Array = np.concatenate(parts, axis=1)
+    if not _finite(joined):
+        if not _finite(parts[0]):
+            _tell(task, "feature", parts[0][:, None], t, range(parts[0].shape[1]))
+        check_inputs(method, parts[2], t)
+    return joined
 
 
 def check_inputs(method: RewardMethod, inputs: Array, t: Integers) -> None:
-    _shaped(method, "inputs", inputs, (len(t), method.input_size))
+    _numbers(method, "inputs", inputs, (len(t), method.input_size))
     if not _finite(inputs):
         _tell(method, "input", inputs[:, None], t)
 
 
 def check_action(actions: Actions, action: Array | Integers, t: Integers) -> None:
     """Indices (N,) of a grid, or vectors (N, axes), for copies at steps t (N,)."""
-    kind = action.dtype.kind
+    kind = array_of_actions(action).dtype.kind
     if kind == "i" and isinstance(actions, ActionGrid):
         rule: tuple[int, ...] = (len(t),)
         right = action.astype(np.uint64, copy=False) < actions.size  # as unsigned, what is negative is large
@@ -98,6 +102,13 @@ def check_action(actions: Actions, action: Array | Integers, t: Integers) -> Non
         raise PluginFault(f"the agent's action {action[place]} is {what}, at step {t[place[0]]} of copy {place[0]}")
 
 
+def array_of_actions(action: Any) -> Array | Integers:
+    """The same actions. Raises `PluginFault` where they are no array."""
+    if not isinstance(action, np.ndarray):
+        raise PluginFault(f"the agent's actions are {_shown(action)}, the contract says an array")
+    return action
+
+
 def out_of_range(actions: Actions, vectors: Array) -> str | None:
     """The first vector (N, axes) beyond an axis' ends, by more than rounding: "an action has v 2; v is in [-1, 1]"."""
     low, high = np.array(actions.low), np.array(actions.high)
@@ -108,6 +119,17 @@ def out_of_range(actions: Actions, vectors: Array) -> str | None:
     axis = int(np.flatnonzero(wrong.any(axis=0))[0])
     name, value = actions.names[axis], vectors[wrong[:, axis], axis][0]
     return f"an action has {name} {value:g}; {name} is in [{low[axis]:g}, {high[axis]:g}]"
+
+
+def _numbers(owner: RewardMethod | Task, what: str, values: Any, shape: tuple[int, ...]) -> None:
+    if not (hasattr(values, "dtype") and are_numbers(values)):
+        _fault(owner, f"its {what} are {_shown(values)}, the contract says an array of real numbers, float64")
+    _shaped(owner, what, values, shape)
+
+
+def _shown(values: Any) -> str:
+    """The type of values: "complex128", "a masked array", "list"."""
+    return kind_of(values) if hasattr(values, "dtype") else type(values).__name__
 
 
 def _shaped(owner: RewardMethod | Task, what: str, value: Any, shape: tuple[int, ...]) -> None:

@@ -17,6 +17,7 @@ from stlbench.records.result import MAIN, RANDOM, Score
 from stlbench.records.saved_traces import Assessment
 from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.environment import Simulator
+from stlbench.rollout.faults import PluginFault, array_of_actions
 from stlbench.rollout.reasons import OPEN, first_failed
 from stlbench.rollout.selection import Race, race
 from stlbench.task.task import Task
@@ -47,6 +48,8 @@ def record(
 def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Array]:
     if isinstance(policy, StatePolicy):
         act = policy.episode()
+        if not callable(act):
+            raise PluginFault(f"the agent's policy: episode gives {type(act).__name__}, the contract says a function")
         return lambda at: act(at.state, at.t, at.memory)
     return lambda at: policy.act(at.observe())
 
@@ -110,7 +113,7 @@ class _Crowd(Policy):
     def act(self, observation: Array) -> Integers | Array:
         shares = np.split(observation, len(self.policies))
         acted: list[Any] = [policy.act(share) for policy, share in zip(self.policies, shares, strict=True)]
-        together: Integers | Array = np.concatenate(acted)
+        together: Integers | Array = np.concatenate(list(map(array_of_actions, acted)))
         return together
 
 
@@ -145,7 +148,8 @@ class Referee:
         if random_starts:
             self._protocols[RANDOM] = task.formula, task.starts.at_random(random_starts)
         for name, protocol in task.file.protocols.items():
-            self._protocols[name] = protocol.formula or task.formula, task.starts.of_protocol(protocol)
+            formula = task.formula if protocol.formula is None else protocol.formula
+            self._protocols[name] = formula, task.starts.of_protocol(protocol)
 
     def select(self, policy: Policy | StatePolicy) -> tuple[float, float]:
         """Satisfaction and mean robustness from the starts for selection, which share no state with the report's."""

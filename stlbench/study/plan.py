@@ -125,6 +125,9 @@ def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], Non
         agent = cell.id.agent
         work = build_agent(task, agent).uncompiled()
         if work is not None:
+            if not callable(work):
+                rule = "the contract says a function or None"
+                raise UsageError(f"agent {agent}: uncompiled gives {type(work).__name__}, {rule}")
             yield agent, work
 
 

@@ -64,7 +64,10 @@ def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
     plugin = plugins.find("agents", agent)
     kind = cast(type[Agent], plugin.load())
     try:
-        return kind.restore(arrays, task.actions)
+        policy = kind.restore(arrays, task.actions)
+        if not isinstance(policy, Policy):
+            raise TypeError(f"restore gives {type(policy).__name__}, the contract says a policy")
+        return policy
     except Unsuitable:
         raise
     except Exception as error:

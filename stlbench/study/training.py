@@ -7,9 +7,11 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from typing import Any, NamedTuple, NoReturn
 
 from stlbench.contract import Agent, Array, Integers, Policy, RewardMethod, StatePolicy, Training, Transition
+from stlbench.registry.breaches import breach
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.model import model_of
 from stlbench.rollout.rehearsal import rehearse
@@ -57,7 +59,8 @@ def train(
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
-    Raises `RuntimeError` if the agent takes more steps than its budget, reports more than it took, or takes none.
+    Raises `RuntimeError` if the agent takes more steps than its budget, reports more than it took, takes none, or gives
+    no policy.
     """
     used: list[CountedEnvironment] = []
     reported: list[Checkpoint] = []
@@ -67,7 +70,7 @@ def train(
 
     def report(policy: Policy | StatePolicy, steps: int) -> bool:
         clock.pause()
-        meter.check(steps)
+        meter.check(policy, steps)
         reported.append(Checkpoint(policy, steps, clock.cpu))
         notify(policy, steps)
         enough = patience is not None and patience.ends(*score(policy))
@@ -76,6 +79,7 @@ def train(
         return enough or late
 
     def make(count: int) -> CountedEnvironment:
+        meter.check_count(count)
         used.append(CountedEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter))
         return used[-1]
 
@@ -90,6 +94,7 @@ def train(
     clock.resume()
     final = agent.train(training)
     clock.pause()
+    meter.check(final, meter.taken)
     if agent.trains and agent.plans is None:
         meter.check_trained()
     taken = meter.taken
@@ -135,12 +140,24 @@ class StepCounter:
         if self.taken > self._budget:
             raise RuntimeError(f"agent {self._agent} took {self.taken} environment steps, its budget is {self._budget}")
 
-    def check(self, reported: int) -> None:
-        """Raises `RuntimeError` if a policy claims more steps than were taken."""
+    def check(self, policy: Policy | StatePolicy, reported: int) -> None:
+        """Raises `RuntimeError` if it is no policy, or claims more steps than were taken."""
+        if not isinstance(policy, Policy | StatePolicy):
+            raise RuntimeError(f"agent {self._agent} gives {type(policy).__name__}, the contract says a policy")
+        if problem := breach(policy):
+            raise RuntimeError(f"agent {self._agent}: of its policy, {problem}")
+        if not isinstance(reported, Integral):
+            raise RuntimeError(f"agent {self._agent} reports {reported!r} steps, the contract says a whole number")
         if not 0 <= reported <= self.taken:
             raise RuntimeError(
                 f"agent {self._agent} reports a policy after {reported} environment steps, and had taken {self.taken}"
             )
+
+    def check_count(self, count: int) -> None:
+        """Raises `RuntimeError` if there cannot be so many copies."""
+        if not (isinstance(count, Integral) and count > 0):
+            rule = "the contract says a whole number, at least 1"
+            raise RuntimeError(f"agent {self._agent} makes an environment of {count!r} copies, {rule}")
 
     def check_trained(self) -> None:
         """Raises `RuntimeError` if no step was taken."""

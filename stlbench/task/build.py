@@ -17,8 +17,8 @@ from stlbench.task.task import Task
 def build_method(task: Task | Specification, choice: Choice | str) -> RewardMethod:
     """The chosen method, with its parameters, for a task, or for a specification alone.
 
-    Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` unless `scale` is positive and finite, and `floor`
-    finite.
+    Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` unless `scale` is positive and finite, `floor`
+    finite, and sizes at least 0.
     """
     given = task if isinstance(task, Specification) else task.specification
     method = cast(RewardMethod, plugins.build("methods", choice_of(choice), given))
@@ -26,6 +26,9 @@ def build_method(task: Task | Specification, choice: Choice | str) -> RewardMeth
         raise ValueError(f"method {choice}: its scale should be finite and more than 0, it is {method.scale}")
     if not math.isfinite(method.floor):
         raise ValueError(f"method {choice}: its floor should be finite, it is {method.floor}")
+    for name, size in (("memory_size", method.memory_size), ("input_size", method.input_size)):
+        if size < 0:
+            raise ValueError(f"method {choice}: its {name} should be at least 0, it is {size}")
     return method
 
 

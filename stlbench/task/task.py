@@ -26,6 +26,7 @@ from stlbench.contract import (
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import Track
 from stlbench.registry import folders, plugins
+from stlbench.registry.breaches import breach
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import BY_HAND_FILE, TASK_FILE
 from stlbench.registry.suites import SuitePlugin
@@ -106,7 +107,7 @@ class Task:
     def specification(self) -> Specification:
         ranges = self.file.signals.values()
         return Specification(
-            formula=self.file.rewarded or self.formula,
+            formula=self.formula if self.file.rewarded is None else self.file.rewarded,
             signals=self.signals,
             low=tuple(signal.low for signal in ranges),
             high=tuple(signal.high for signal in ranges),
@@ -264,12 +265,14 @@ def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
     kind = plugin.load()
     try:
         keywords = plugins.check("tasks", Choice(plugin.name), parts["parameters"], origin="")
-        if not issubclass(kind, System):
-            return cast(Dynamics, kind(**keywords))
-        made = None if "sampling_time" not in parts else cast(Dynamics, kind(parts["sampling_time"], **keywords))
+        if issubclass(kind, System) and "sampling_time" not in parts:
+            return None
+        made = cast(
+            Dynamics, kind(parts["sampling_time"], **keywords) if issubclass(kind, System) else kind(**keywords)
+        )
     except (TypeError, ValueError) as error:
         raise ValueError(f"parameters: {str(error).removeprefix(f'{plugin.name}: ')}") from error
-    if problem := plugins.not_initialised(made):
+    if problem := breach(made):
         raise ValueError(problem)
     return made
 

@@ -12,6 +12,7 @@ from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specif
 from stlbench.contract.arrays import are_numbers, kind_of
 from stlbench.contract.presentation import Described
 from stlbench.registry import plugins
+from stlbench.registry.breaches import breach
 from stlbench.registry.choices import parse_choice
 from stlbench.task import load_task
 from stlbench.testing.rules import Rules
@@ -107,8 +108,10 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
 
 
 def _initialised(method: RewardMethod) -> tuple[bool, str, object]:
-    problem = plugins.not_initialised(method)
-    return problem is None, "the constructor calls super().__init__(specification)", problem
+    problem = breach(method)
+    if "super()" in problem:
+        return False, "the constructor calls super().__init__(specification)", problem
+    return not problem, "attributes are of the declared types, functions take the declared arguments", problem
 
 
 def _one_step(

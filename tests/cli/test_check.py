@@ -9,7 +9,7 @@ def test_the_kind_is_found_by_the_name(say, toy):
     done = say("check", "toy-raw")
     assert done.exit_code == 1  # its rewards are larger than its scale says
     *kept, broken, ending = done.stdout.splitlines()
-    assert kept[0] == "kept    the constructor calls super().__init__(specification)"
+    assert kept[0] == "kept    attributes are of the declared types, functions take the declared arguments"
     assert all(line.startswith("kept  ") for line in kept)
     assert broken.startswith("broken  rewards are at most about scale = 1 in size; got ")
     assert ending.startswith(f"method 'toy-raw' of toy-plugins 1.2: {len(kept)} rules are kept, and one is broken")

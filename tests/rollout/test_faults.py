@@ -182,7 +182,8 @@ def test_indices_are_not_for_continuous_actions() -> None:
 
 @pytest.mark.parametrize("scale", [NAN, -1.0, 0.0])
 def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Raw, "__init__", lambda self, specification: self.__dict__.update(scale=scale, specification=1))
+    values = {"scale": scale, "specification": 1, "_floor": -1.0}
+    monkeypatch.setattr(Raw, "__init__", lambda self, specification: self.__dict__.update(values))
     with pytest.raises(ValueError, match=r"^method raw: its scale should be finite and more than 0, it is"):
         build_method(line(), "raw")
 

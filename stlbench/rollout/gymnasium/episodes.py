@@ -5,6 +5,7 @@ It does for an environment that somebody else steps what `Simulator` and the ref
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,11 @@ from stlbench.rollout.faults import check_inputs, check_memory, check_rewards, p
 from stlbench.rollout.gymnasium.scoring import Scoring
 from stlbench.rollout.observing import scaled_times, time_and_inputs
 
+_CUT = (
+    "an episode began anew after {} of {} steps, so that its formula was not judged; a TimeLimit belongs inside of "
+    "stlbench.wrap, or give its limit as `steps`"
+)
+
 
 class Episodes:
     """N copies of an environment, each at its own step; `rows` are numbers of copies. Raises `PluginFault`."""
@@ -28,16 +34,18 @@ class Episodes:
         self._memory = np.zeros((count, scoring.method.memory_size))
         self._samples = np.full((count, self.steps + 1, signals), np.nan)
         self._times = np.minimum(scaled_times(self.steps), 1.0)
+        self._going, self._warned = np.zeros(count, dtype=np.bool_), False
 
     def start(self, rows: Integers, signals: Array) -> None:
-        """Begin new episodes at the samples (r, k)."""
+        """Begin new episodes at the samples (r, k). Warns once of an episode that somebody cut before its end."""
         method = self._scoring.method
+        if not self._warned and (cut := self.t[rows] * self._going[rows]).any():
+            self._warned = True
+            warnings.warn(_CUT.format(cut.max(), self.steps), stacklevel=3)
+        self._going[rows] = True
         self.t[rows] = 0
         self._samples[rows, 0] = signals
-        if method.memory_size:
-            memory = method.initial_memory(signals, self.t[rows])
-            check_memory(method, memory, self.t[rows])
-            self._memory[rows] = memory
+        self._memory[rows] = check_memory(method, method.initial_memory(signals, self.t[rows]), self.t[rows])
 
     def step(self, going: Truth, signals: Array, action: Array, ended: Truth) -> tuple[Array, Truth, Truth]:
         """One step of the copies that are `going` (N,), to the samples (N, k); some have `ended` (N,).
@@ -53,6 +61,7 @@ class Episodes:
         self.t[rows] = t + 1
         complete = going & (self.t == self.steps)
         over = ended | complete
+        self._going &= ~over
         for row in np.flatnonzero(over).tolist():
             rewards[row] += self._left(row, action[[row]]) / scale
         return rewards, over, complete
@@ -68,13 +77,16 @@ class Episodes:
     def entries(self, signals: Array, own: Array, over: Truth) -> dict[str, Any]:
         """The entries of the info, of all copies; `own` (N,) are the environment's rewards.
 
-        `robustness` and `satisfied` are 0 and False where no episode is over. They have shape (N,), under `interval`
-        (N, 2): bounds of the robustness, and whether every and whether some continuation satisfies the formula.
+        `robustness` and `satisfied` have shape (N,), under `interval` (N, 2): bounds of the robustness, and whether
+        every and whether some continuation satisfies the formula. Where no episode is over they are what is known of
+        all continuations, nothing: -inf and False, under `interval` (-inf, inf) and (False, True).
         """
         rows, scoring = np.flatnonzero(over), self._scoring
         interval, specification = scoring.terminated == "interval", scoring.specification
         shape = (len(over), 2) if interval else (len(over),)
-        robustness, satisfied = np.zeros(shape), np.zeros(shape, dtype=np.bool_)
+        robustness, satisfied = np.full(shape, -np.inf), np.zeros(shape, dtype=np.bool_)
+        if interval:
+            robustness[:, 1], satisfied[:, 1] = np.inf, True
         if len(rows):
             t = self.t[rows]
             if scoring.terminated == "hold":
