@@ -184,3 +184,20 @@ def test_what_hardly_moves_at_random_is_scaled_by_what_does(tmp_path: Path, monk
     assert content["signals"]["o2"] == {"low": -1, "high": 1}
     assert content["signals"]["o4"] == {"low": 0, "high": 20}
     assert load_task(str(tmp_path / "zz-lever-task")).own_track == "auto"  # it has no recipe
+
+
+def test_what_leaves_its_ends_is_scaled_by_what_was_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The space says [-1, 1] for both; x reaches 4 at its first step, and the other entry stays there."""
+    monkeypatch.syspath_prepend(tmp_path)
+    text = LEVER.replace("np.array([-np.inf] * 4 + [0]), np.inf, (5,)", "-1, 1, (2,)").replace(
+        ", 1e-6 * self.x, 0, 7", ""
+    )
+    (tmp_path / "zz_liar_lever.py").write_text(text.replace("Lever-v0", "LiarLever-v0"))
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    words = "new", "task", "zz-liar", "--into", str(tmp_path), "--environment", "zz_liar_lever:LiarLever-v0"
+    (line,) = [line for line in CliRunner().invoke(app, words).stderr.splitlines() if "outside" in line]
+    said = "an observation outside its space at step 0: 'o0' is 4, outside -1 to 1; its range is by what 20 episodes"
+    assert line.startswith(f"warning: environment zz_liar_lever:LiarLever-v0: the environment returned {said}")
+    content = yaml.safe_load((tmp_path / "zz-liar/task.yaml").read_text())
+    assert content["environment"]["scale"] == {"o0": 5}
+    assert content["signals"] == {"o0": {"low": -10, "high": 10}, "o1": {"low": -1, "high": 1}}

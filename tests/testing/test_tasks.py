@@ -164,6 +164,40 @@ def test_who_checks_is_warned_of_early_ends(
     assert [line for line in rules.warnings if "trivial" not in line] == ([] if satisfy is None else [warning])
 
 
+LIAR = """
+import gymnasium, numpy as np
+class Liar(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (3,))
+    action_space = gymnasium.spaces.Discrete(2)
+    def seen(self): return np.array([self.t / 2, 0, 1 + self.t], np.float32)
+    def reset(self, *, seed=None, options=None):
+        self.t = 0
+        return self.seen(), {}
+    def step(self, action):
+        self.t += 1
+        return self.seen(), 0.0, False, False, {}
+gymnasium.register("Liar-v0", Liar)
+"""
+
+
+def test_who_checks_is_warned_of_observations_outside_their_space(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The first entry leaves at step 3 and the last at step 1. A scale takes the place of the ends."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "zz_liar.py").write_text(LIAR)
+    said = "the environment returned an observation outside its space at step {} of copy 0: {}, outside -1 to 1; "
+    remedy = "`environment.scale` takes the place of these ends, and ranges should reach what signals take"
+    both = [said.format(1, "'z' is 2"), said.format(3, "'x' is 1.5")]
+    for name, scale, expected in (("liar", {}, both), ("mended", {"x": 4, "z": 8}, [])):
+        folder, rules = tmp_path / name, Rules()
+        folder.mkdir()
+        environment = {"id": "zz_liar:Liar-v0", "names": ["x", "y", "z"], "scale": scale}
+        (folder / "task.yaml").write_text(walk_text(environment=environment, steps=4))
+        check_task(str(folder), rules)
+        assert [line for line in rules.warnings if "outside" in line] == [line + remedy for line in expected]
+
+
 def test_the_own_agent_of_a_task_has_to_be_able_to_act(made: Callable[..., str]) -> None:
     """`dqn` chooses from a grid; here the actions are continuous."""
     continuous, rules = {"v": {"low": -1, "high": 1}}, Rules()
