@@ -107,7 +107,7 @@ def _in_seconds(end: str) -> str | None:
     number = re.fullmatch(rf"({_NUMBER})([a-zµ]*)", end)
     if number is None or number[2] not in ("", *_UNITS):
         return None
-    return f"{Decimal(number[1]) * Decimal(_UNITS[number[2]]):f}" if number[2] else number[1]
+    return f"{(Decimal(number[1]) * Decimal(_UNITS[number[2]])).normalize():f}" if number[2] else number[1]
 
 
 # ------------------------------------------------------------------------------------------------------- all other rows

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from stlbench import stl
@@ -26,11 +28,11 @@ NOTATIONS: dict[str, dict[str, str]] = {
         "(x > 0) U[0:10] (y > 0)": "write U[0,10]",
         "(x > 0) S[0:10] (y > 0)": "write S[0,10]",
         "(x > 0) W[0:10] (y > 0)": "write W[0,10]",
-        "always[0,10ms] (x > 0)": "write always[0,0.010]; with dt, ends are seconds",
+        "always[0,10ms] (x > 0)": "write always[0,0.01]; with dt, ends are seconds",
         "eventually[0:2s] (x > 0)": "write eventually[0,2]; with dt, ends are seconds",
         "eventually[1us:5us] (x > 0)": "write eventually[0.000001,0.000005]; with dt",
         "always[0:10ns] (x > 0)": "with dt, ends are seconds",
-        "(x > 0) until[0:500ms] (y > 0)": "write until[0,0.500]",
+        "(x > 0) until[0:500ms] (y > 0)": "write until[0,0.5]",
         "always((x >= 3) implies (eventually[0:5](y >= 3)))": "write eventually[0,5]",
         "out = always((x >= 3) implies (y >= 3))": "write the formula alone, without a name before it",
         "rise(x > 0)": "write p & O[1,1] !p",
@@ -341,3 +343,21 @@ def test_the_remedy_of_a_foreign_notation_is_named(text: str, said: str) -> None
     first = str(caught.value).splitlines()[0]
     assert said in first
     assert caught.value.remedy is None or first.endswith(f"; {caught.value.remedy}")
+
+
+@pytest.mark.parametrize("text", [text for _, text, _ in ALL])
+def test_an_operator_of_a_remedy_is_one_of_ours(text: str) -> None:
+    with pytest.raises(stl.StlSyntaxError) as caught:
+        stl.parse(text)
+    for operator in re.findall(
+        r"write ([a-zA-Z_]+(?:\[[\d.,]+\])?(?: [GFHO])?)(?:;| without|$)", caught.value.remedy or ""
+    ):
+        if re.match(r"[GFHO]\b|always|eventually|historically|once", operator):
+            stl.parse(f"{operator} x > 1", 1e-9)
+        elif re.match(r"[URSW]\b|until|since", operator):
+            stl.parse(f"x > 1 {operator} y > 1", 1e-9)
+
+
+def test_what_parses_is_never_looked_through() -> None:
+    for text in ("F <= 10 & G > 1", "O >= P", "X - 1 > next", "ev > alw | x > once", "globally <= finally", "pre < Y"):
+        assert not stl.is_temporal(stl.parse(text))
