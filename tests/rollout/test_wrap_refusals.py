@@ -30,6 +30,14 @@ from stlbench.rollout.gymnasium.wrap import steps_of, steps_of_copies
         ({"signals": {"y": "x"}, "formula": "G[0,4] y <= 1"}, "ranges: none for the signal 'y'"),
         ({"signals": {"y": "x"}, "ranges": {"x": (0, 1), "y": (0, 1)}}, "ranges: no signal 'x'; there are: y"),
         ({"ranges": {"x": (1, 1)}}, r"ranges: 'x' has \(low, high\), finite and low < high, got \(1, 1\)"),
+        (
+            {"signals": {"pi": "x"}, "ranges": {"pi": (0, 1)}, "formula": "G[0,4] pi <= 1"},
+            "formula: pi in a formula is a constant; the environment has a signal 'pi': rename the signal",
+        ),
+        (
+            {"signals": {"y": "2 * pi"}, "names": ("pi", "x"), "ranges": {"y": (0, 1)}, "formula": "G[0,4] y <= 1"},
+            "signals: pi in a formula is a constant",
+        ),
         ({"signals": "atan2(y, x)"}, "signals: expected a mapping, signal -> expression, or a function, got 'atan2"),
         ({"method": "funel"}, "no method 'funel'; did you mean 'funnel'"),
         ({"method": "funnel", "formula": "x > 0 U[0,4] x >= 1"}, "method funnel does not fit: until at column 7"),

@@ -91,6 +91,10 @@ class TestMessages:
                 "formula: no signal 'sped'; did you mean 'speed'?",
             ),
             (
+                {"signals": {"pi": {"low": 0, "high": 1}}, "formula": "G[0,4] pi <= 1"},
+                "formula: pi in a formula is a constant; the task has a signal 'pi': rename the signal",
+            ),
+            (
                 {"time": "seconds", "formula": "G[0,0.7] x <= 1"},
                 "formula: line 1, column 5: expected a whole number of steps of dt=0.5 seconds but found 0.7 seconds",
             ),

@@ -43,7 +43,6 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.language.tokens import Token, TokenStream
 
 _WEAK = ("W", "weak_until")
-_RENAME = "a signal needs another name"
 _LEVELS = {
     "<->": Level.IFF,
     "->": Level.IMPLIES,
@@ -181,9 +180,9 @@ class _Parser(TokenStream):
         if self.at("("):
             return self.call(token)
         if token.text in FUNCTIONS:
-            self.fail(f"'(' after the function {token.text} ({_RENAME})")
+            self.fail(f"'(' after the function {token.text}")
         if token.text in RESERVED:
-            self.fail(f"a signal ({token.text} is a reserved word; {_RENAME})", token.shown, where)
+            self.fail(f"a signal ({token.text} is a reserved word)", token.shown, where)
         return Signal(token.text, position=where)
 
     # --- infix operators
