@@ -8,10 +8,14 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pydantic import TypeAdapter
+
 from stlbench.errors import UsageError
+from stlbench.records.fields import Finite, Name, Share, Whole
 from stlbench.records.identity import CellId
 from stlbench.records.inputs import names, read
 from stlbench.records.outputs import inside, write
@@ -30,15 +34,15 @@ _BARS = 20
 
 @dataclass(frozen=True)
 class Running:
-    name: str
-    budget: str
-    of: int  # environment steps of its training
-    began: float  # when, in seconds since 1970
-    steps: int = 0  # environment steps at its last checkpoint
-    told: float = 0.0  # time of the last checkpoint; at first when it began
-    satisfaction: float | None = None  # from a few starts, at the last scored checkpoint; None before one
+    name: Name
+    budget: Name
+    of: Whole  # environment steps of its training
+    began: Finite  # when, in seconds since 1970
+    steps: Whole = 0  # environment steps at its last checkpoint
+    told: Finite = 0.0  # time of the last checkpoint; at first when it began
+    satisfaction: Share | None = None  # from a few starts, at the last scored checkpoint; None before one
     robustness: float | None = None
-    curve: tuple[tuple[int, float, float], ...] = ()
+    curve: tuple[tuple[Whole, Share, float], ...] = ()
     """Of the checkpoints that were scored, the latest: steps, share that satisfies, mean robustness."""
 
     @property
@@ -119,13 +123,16 @@ def running(folder: Path) -> list[Running]:
     """The cells that run, in the order in which they began. Damaged files are passed over."""
     cells = list[Running]()
     for name in names(folder / FOLDER, folder, ".json"):
-        with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            content = json.loads(read(folder / FOLDER / name, folder))
-            curve = tuple((int(steps), float(share), float(mean)) for steps, share, mean in content.pop("curve", ()))
-            one = Running(**content, curve=curve[-_POINTS:])
-            if isinstance(one.of, int) and isinstance(one.steps, int) and one.began + one.told and one.id:
-                cells.append(one)
+        with suppress(OSError, ValueError):
+            one = _adapter().validate_json(read(folder / FOLDER / name, folder))
+            if one.id:
+                cells.append(replace(one, curve=one.curve[-_POINTS:]))
     return sorted(cells, key=lambda one: (one.began, one.name))
+
+
+@cache
+def _adapter() -> TypeAdapter[Running]:
+    return TypeAdapter(Running)
 
 
 def line_of(one: Running, now: float, *, drawn: bool = False) -> str:

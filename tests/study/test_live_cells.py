@@ -85,6 +85,29 @@ def test_files_that_say_nothing_are_passed_over(tmp_path: Path, text: str) -> No
     assert not (tmp_path / FOLDER).exists()
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"of": 10**400},
+        {"steps": -1},
+        {"steps": "many"},
+        {"began": float("nan")},
+        {"satisfaction": "all"},
+        {"robustness": []},
+        {"curve": [[1, 2, 3]]},
+        {"budget": "\x1b[31m"},
+        {"name": "a/b/c/0\n"},
+        {"name": "x"},
+    ],
+)
+def test_what_no_cell_says_is_passed_over(tmp_path: Path, changes: dict[str, object]) -> None:
+    announce(tmp_path, CELL, 100)
+    (path,) = (tmp_path / FOLDER).iterdir()
+    said = json.loads(path.read_text())
+    path.with_name("other.json").write_text(json.dumps(said | changes))
+    assert [one.name for one in running(tmp_path)] == [CELL.name]
+
+
 def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     announce(None, CELL, 4000).at(1000, lambda: pytest.fail("scored for nobody"))
