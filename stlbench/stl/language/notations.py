@@ -70,13 +70,13 @@ def _operator(ours: str, spellings: str) -> tuple[re.Pattern[str], Remedy]:
             return None if word in _OURS and not match["sub"] else f"write {ours}"
         a, b = ends
         if re.fullmatch(_UNBOUND, b):
-            if a == "0":
+            if a in ("0", "0.0"):
                 return f"write {operator} without an interval: it then reaches to the end of the trace"
             beyond = f"{operator}[{a},{a}] {operator}" if ours in _TWICE else f"{operator}[{a},b] with a last step b"
             return f"write {beyond}"
         steps = [_in_seconds(end) for end in ends]
         if None in steps:
-            return f"write {operator}[a,b] with numbers a and b"
+            return f"write {operator}[a,b] with numbers a and b, 0 <= a <= b"
         written = f"{operator}[{','.join(map(str, steps))}]"
         if written == re.sub(r"\s", "", match[0]):
             return None
@@ -103,11 +103,13 @@ def _ends(interval: str) -> tuple[str, str] | None:
 
 
 def _in_seconds(end: str) -> str | None:
-    """The end of an interval as a number, in seconds where it has a unit; None for a name."""
-    number = re.fullmatch(rf"({_NUMBER})([a-zµ]*)", end)
-    if number is None or number[2] not in ("", *_UNITS):
+    """The end of an interval as a number, in seconds where it has a unit; None for a name, or below 0."""
+    if re.fullmatch(_NUMBER, end) and not end.startswith("-"):
+        return end
+    number = re.fullmatch(r"(\d{1,18}\.?\d{0,18})([a-zµ]+)", end)  # an exponent of ten digits would fill the memory
+    if number is None or number[2] not in _UNITS:
         return None
-    return f"{(Decimal(number[1]) * Decimal(_UNITS[number[2]])).normalize():f}" if number[2] else number[1]
+    return f"{(Decimal(number[1]) * Decimal(_UNITS[number[2]])).normalize():f}"
 
 
 # ------------------------------------------------------------------------------------------------------- all other rows
@@ -142,7 +144,7 @@ _ROWS: tuple[tuple[str, Remedy], ...] = (
     (r"≥|\\geq?\b|≧|⩾", "write >="),
     (r"\b(?:LessThan|lt|leq)\s*\([^()]*", "write x < c"),
     (r"\b(?:GreaterThan|gt|geq)\s*\([^()]*", "write x > c"),
-    (r"([^\W\d]\w*)\s*(?:\bin\b|∈|\\in\b)\s*\[\s*([^\s,\]]+)\s*,\s*([^\s,\]]+)\s*\]", r"write \2 <= \1 <= \3"),
+    (r"([^\W\d]\w*)\s*(?:\bin\b|∈|\\in\b)\s*\[\s*([\w.+-]+)\s*,\s*([\w.+-]+)\s*\]", r"write \2 <= \1 <= \3"),
     (
         r"^\s*(?:(?:default\s+)?formula\s+)?[^\W\d]\w*(?:\([^)]*\))?\s*(?::=?|=(?![=<>]))(?=.*(?:[<>&|]|alw|ev|glob)).*",
         _ALONE + ", without a name before it",
@@ -167,11 +169,11 @@ _ROWS: tuple[tuple[str, Remedy], ...] = (
     (r"\b(?:fall|falling|negedge|↓)\b\s*\(", "write !p & O[1,1] p for the fall of p"),
     # arithmetic
     (r"(\w)\s*([²³⁴])", lambda match: f"write {match[1]} ** {_POWERS[match[2]]}"),
-    (r"\b(?:pow|power)\s*\(\s*([^,()]+?)\s*,\s*([^,()]+?)\s*\)", r"write \1 ** \2"),
+    (r"\b(?:pow|power)\s*\(\s*([\w.+\-*/ ]+?)\s*,\s*([\w.+\-*/ ]+?)\s*\)", r"write \1 ** \2"),
     (r"\bln\s*\(", "write log, which is the natural logarithm"),
-    (r"\blog(10|2)\s*\(\s*([^()]+?)\s*\)", r"write log(\2) / log(\1)"),
-    (r"\blog\s*\(\s*([^,()]+?)\s*,\s*([^,()]+?)\s*\)", r"write log(\1) / log(\2)"),
-    (r"\batan\s*\(\s*([^,()]+?)\s*\)", r"write atan2(\1, 1)"),
+    (r"\blog(10|2)\s*\(\s*([\w.+\-*/ ]+?)\s*\)", r"write log(\2) / log(\1)"),
+    (r"\blog\s*\(\s*([\w.+\-*/ ]+?)\s*,\s*([\w.+\-*/ ]+?)\s*\)", r"write log(\1) / log(\2)"),
+    (r"\batan\s*\(\s*([\w.+\-*/ ]+?)\s*\)", r"write atan2(\1, 1)"),
     (r"\bhypot\s*\(", "write norm"),
     (r"\b(?:Abs|ABS|fabs)\s*\(", "write abs"),
     (r"\b(?:Min|MIN)\s*\(", "write min"),

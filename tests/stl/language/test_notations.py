@@ -361,3 +361,23 @@ def test_an_operator_of_a_remedy_is_one_of_ours(text: str) -> None:
 def test_what_parses_is_never_looked_through() -> None:
     for text in ("F <= 10 & G > 1", "O >= P", "X - 1 > next", "ev > alw | x > once", "globally <= finally", "pre < Y"):
         assert not stl.is_temporal(stl.parse(text))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "G[0,1e99999999ms] x > 1",
+        "G[0:1e99999999999999999999] x > 1",
+        "G[0," + "9" * 5000 + "ms] x > 1",
+        "G[-1:2] x > 1",
+        "(" * 3000 + "|" * 3000,
+        "x[t" * 5000,
+        "x." * 50_000,
+        "0 " * 5000 + "'",
+    ],
+    ids=lambda text: text[:20],
+)
+def test_hostile_text_costs_little(text: str) -> None:
+    with pytest.raises(stl.StlSyntaxError) as caught:
+        stl.parse(text)
+    assert len(str(caught.value)) < 2000
