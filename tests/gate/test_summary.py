@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 from stlbench.gate.judge import METRICS, Comparison, Finding, Judgement
 from stlbench.gate.snapshot import Snapshot
-from stlbench.gate.summary import LEFT_OUT, LIMIT, comment, junit, write
+from stlbench.gate.summary import LEFT_OUT, LIMIT, comment, facts, junit, markdown, write
 from stlbench.records.identity import CellId
 
 CELL = CellId.parse("disc/funnel/dqn/0", "smoke")
@@ -71,6 +74,65 @@ class TestComment:
         assert len(text) <= LIMIT + 1 + len(LEFT_OUT)
         assert text.endswith(LEFT_OUT)
         assert "<details>" not in text
+
+
+COST = Comparison(CELL.setting, METRICS[2], 8.0, 10.0, 5, math.log(0.8), math.log(0.5), math.log(1.25), 0.25, "worse")
+"""Of 8 seconds became 10: new over base is 1.25, between 0.8 and 2; half of 1.3 times, that is 1.14, is tolerated."""
+
+
+class TestNumbers:
+    JUDGED = Judgement((compared("worse"), replace(COST, gains=(math.log(0.5), 0.0))), ())
+
+    def rows(self, title: str) -> list[list[str]]:
+        """Of one table of the Markdown, without its header."""
+        _, _, table = markdown("gate", self.JUDGED, *SIDES).partition(f"## {title}\n")
+        lines = table.partition("\n\n- ")[0].partition("\n## ")[0].splitlines()
+        return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "|" in line][2:]
+
+    def test_what_is_not_fine(self) -> None:
+        where = ["worse", "disc/funnel/dqn"]
+        assert self.rows("What is not fine") == [
+            [*where, "robustness", "0.4", "0.3", "-25.0%", "[-30.0%, -20.0%]", "-5.0%", "10", "0.004", "-"],
+            [*where, "CPU", "8", "10", "x1.25", "[x0.80, x2.00]", "x1.14", "5", "0.25", "-"],
+        ]
+
+    def test_all_settings(self) -> None:
+        """The pairs are the most of any metric. A metric that was not measured has none."""
+        numbers = ["10", "0.400 to 0.300 (-25.0%)", "-", "x1.25", "-"]
+        assert self.rows("All settings") == [["disc", "funnel", "dqn", "smoke", "shared", *numbers]]
+
+    def test_a_metric_that_is_equal_or_not_judged(self) -> None:
+        same = replace(compared(), base=0.3, gain=0.0, low=0.0, high=0.0)
+        cost = replace(COST, verdict="not judged")
+        text = markdown("gate", Judgement((same, cost), ()), *SIDES)
+        assert "0.300 (same)" in text
+        assert "(x1.25)" in text
+
+    def test_the_record(self) -> None:
+        robustness, cost = facts(self.JUDGED, *SIDES)["comparisons"]
+        setting = {"task": "disc", "method": "funnel", "agent": "dqn", "budget": "smoke", "track": "shared"}
+        assert robustness == setting | {
+            **{
+                "metric": "robustness",
+                "pairs": 10,
+                "base": 0.4,
+                "new": 0.3,
+                "change": -0.25,
+                "low": -0.3,
+                "high": -0.2,
+            },
+            **{"tolerated": -0.05, "p_value": 0.004, "verdict": "worse"},
+        }
+        assert cost == setting | {
+            **{"metric": "CPU", "pairs": 5, "base": 8.0, "new": 10.0, "change": pytest.approx(1.25)},
+            **{"low": pytest.approx(0.8), "high": pytest.approx(2), "tolerated": pytest.approx(1.3**0.5)},
+            **{"p_value": 0.25, "verdict": "worse", "turns": [pytest.approx(2), 1.0]},
+        }
+
+    def test_a_case_of_junit(self) -> None:
+        first, second = ElementTree.fromstring(junit("gate", self.JUDGED)).iter("failure")
+        assert first.get("message") == "worse: robustness: 0.4 to 0.3 (-25.0%), tolerated -5.0%, 10 pairs, p = 0.004"
+        assert second.get("message") == "worse: CPU: 8 to 10 (x1.25), tolerated x1.14, 5 pairs, p = 0.25"
 
 
 class TestWrite:

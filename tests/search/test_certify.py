@@ -44,6 +44,19 @@ def test_a_claim_at_the_truth_stays_undecided() -> None:
     assert (found.verdict, found.starts) == ("undecided", 2000)
 
 
+@pytest.mark.parametrize(
+    ("claim", "batches"),
+    [(Claim(0.999, starts=2000, at_least=0.9), [64, 128, 256, 512, 1024, 2000]), (Claim(starts=100), [64, 100])],
+)
+def test_a_batch_doubles_what_was_drawn_before_it(claim: Claim, batches: list[int]) -> None:
+    """A sequential test looks after each, so that it stops soon after it can."""
+    drawn = list[tuple[int, int]]()
+    found = certify(still(NINE_TENTHS), claim, lambda *each: drawn.append(each))
+    assert [starts for starts, _ in drawn] == batches
+    assert drawn[-1] == (found.starts, found.satisfied)
+    assert all(0.8 < satisfied / starts < 1 for starts, satisfied in drawn)
+
+
 def test_until_a_width() -> None:
     found = certify(still(NINE_TENTHS), Claim(0.9, width=0.1))
     assert found.interval.high - found.interval.low <= 0.1

@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
 from helpers.made_subjects import ending, still
 
 from stlbench.report.tables.formats import to_csv, to_records
-from stlbench.search.certify import Claim, certify
+from stlbench.search.certify import Certificate, Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import certificates, falsifications
+from stlbench.statistics.intervals import Interval
 
 HOW = How(evaluations=200)
+
+
+def test_numbers() -> None:
+    """The search takes no start but one; of a certificate of 8 starts 5 satisfied and 2 are open."""
+    one = replace(falsify(still("G[0,8] a <= 1"), HOW), evaluations=123, cpu_seconds=4.5)
+    (row,) = to_records(falsifications([one]))
+    least = 1 - one.start["a"]
+    assert (row["searched"], row["evaluations"], row["CPU [s]"]) == ("still", 123, 4.5)
+    assert row["least robustness"] == pytest.approx(least)
+    assert least == pytest.approx(1, abs=1e-3), "a is at most 0"
+    made = Certificate(one.actor, Claim(0.9, at_least=0.25), 8, 5, 2, Interval(0.3, 0.8), 6.5)
+    (row,) = to_records(certificates([made]))
+    assert row == {
+        **{"certified": "still", "confidence": "0.9", "starts": 8, "satisfied": 5, "open": 2, "probability": 0.625},
+        **{"interval low": 0.3, "interval high": 0.8, "claim": "at least 0.25", "verdict": "shown", "CPU [s]": 6.5},
+    }
+    assert made.facts == {
+        **{"certified": "still", "confidence": 0.9, "starts": 8, "satisfied": 5, "violated": 1, "open": 2},
+        **{"probability": 0.625, "low": 0.3, "high": 0.8, "at_least": 0.25, "verdict": "shown", "seed": 0},
+        "cpu_seconds": 6.5,
+    }
 
 
 def test_falsifications() -> None:
