@@ -71,9 +71,7 @@ class Commands(TyperGroup):
                 where = "" if context is None else f" (see '{context.command_path} --help')"
                 code = refuse(f"{begin}{colon}{in_words(rule)}{where}")
             except Exception as error:
-                if (problem := _damaged(error)) is None:
-                    raise
-                code = refuse(f"an installed distribution cannot be read; install it again, or remove it: {problem}")
+                code = refuse(_of_others(error))
         if standalone_mode:
             sys.exit(code)
         return code
@@ -134,6 +132,17 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the least number that is free
     sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
     sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
+def _of_others(error: Exception) -> str:
+    """What to say of an error in code or files of others. Raises the error where it is in none: it is a bug."""
+    if (problem := _damaged(error)) is not None:
+        return f"an installed distribution cannot be read; install it again, or remove it: {problem}"
+    from stlbench.registry.plugins import blamed
+
+    if (line := blamed(error)) is None:
+        raise error
+    return line
 
 
 def _damaged(error: Exception) -> str | None:

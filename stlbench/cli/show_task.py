@@ -10,6 +10,7 @@ import typer
 from stlbench.cli.options import TaskName
 from stlbench.cli.output import Json, show, table
 from stlbench.cli.task_facts import task_facts
+from stlbench.errors import UsageError, cause
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, Value
@@ -50,12 +51,16 @@ def task(
       stlbench show task ./my-task --json
     """
     loaded = load_task(name)
-    on = track or loaded.own_track
-    loaded = on_track(loaded, Choice(own_agent_on(loaded, on)), on)
     plugin = plugins.find("tasks", loaded.choice.name)
-    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | task_facts(
-        loaded, on
-    )
+    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version}
+    try:
+        on = track or loaded.own_track
+        facts |= task_facts(on_track(loaded, Choice(own_agent_on(loaded, on)), on), on)
+    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
+        if plugin.is_own or isinstance(error, UsageError) or plugins.blamed(error):
+            raise
+        rule = f"`stlbench check {plugin.name}` says which rule it breaks"
+        raise plugin.error(f"it cannot be shown: {cause(error)}; {rule}") from error
     show(as_json, facts, _lines(facts))
 
 

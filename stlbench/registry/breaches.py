@@ -25,7 +25,6 @@ _KINDS: Mapping[Any, tuple[str, tuple[type, ...]]] = {
     int: ("a whole number", (Integral,)),
     float: ("a number", (Real,)),
     str: ("a text", (str,)),
-    tuple: ("a tuple", (tuple,)),
     Mapping: ("a mapping", (Mapping,)),
     Sequence: ("a sequence", (Sequence,)),
 }
@@ -39,7 +38,8 @@ def misfit(kind: type, args: tuple[Any, ...], keywords: Mapping[str, Any]) -> st
         signature.bind(*args, **keywords)
     except TypeError as error:
         given = "the specification, and " if issubclass(kind, contract.RewardMethod) else ""
-        return f"its constructor should take {given}parameters with a default by name, it takes ({', '.join(signature.parameters)}): {error}"
+        rule = f"its constructor should take {given}parameters with a default by name"
+        return f"{rule}, it takes ({', '.join(signature.parameters)}): {error}"
     return ""
 
 
@@ -100,6 +100,8 @@ def _wrong_function(inputs: tuple[str, ...], function: Any) -> str:
 def _of_values(hint: Any) -> _Rule | None:
     """The rule of an attribute by its declared type; None for a type that others check."""
     hint = get_args(hint)[0] if get_origin(hint) is ClassVar else hint
+    if hint in (tuple[str, ...], tuple[str, ...] | None):
+        return partial(_wrong_words, hint != tuple[str, ...])
     if (kind := get_origin(hint) or hint) in _KINDS:
         return partial(_wrong_kind, *_KINDS[kind])
     parts = get_args(hint) if kind in (Union, UnionType) else ()
@@ -109,6 +111,12 @@ def _of_values(hint: Any) -> _Rule | None:
 
 def _wrong_kind(said: str, kinds: tuple[type, ...], value: Any) -> str:
     return "" if isinstance(value, kinds) else f"is {one_line(repr(value))}, the contract says {said}"
+
+
+def _wrong_words(optional: bool, value: Any) -> str:
+    if (optional and value is None) or (isinstance(value, tuple) and all(isinstance(word, str) for word in value)):
+        return ""
+    return f"is {one_line(repr(value))}, the contract says a tuple of texts{' or None' if optional else ''}"
 
 
 def _wrong_word(words: tuple[Any, ...], value: Any) -> str:

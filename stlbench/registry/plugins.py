@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -64,9 +65,9 @@ class Plugin:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # one of its own need not be an `Exception`
-            raise self._error(cause(error)) from error
+            raise self.error(cause(error)) from error
         if problem:
-            raise self._error(problem)
+            raise self.error(problem)
         return cast(type, loaded)
 
     def _problem(self, loaded: object) -> str:
@@ -98,7 +99,8 @@ class Plugin:
     def is_own(self) -> bool:
         return self.distribution == OWN
 
-    def _error(self, problem: str) -> PluginError:
+    def error(self, problem: str) -> PluginError:
+        """The error that says what is wrong with it."""
         return PluginError(f"{self} ({self.entry_point.value}): {one_line(problem)}")
 
 
@@ -185,6 +187,21 @@ def name_of(kind: str, loaded: type) -> str | None:
     return next((plugin.name for plugin in imported if plugin.load() is loaded), None)
 
 
+def blamed(error: BaseException) -> str | None:
+    """A line on the plugin of others in whose code an exception was raised; None where it was in none.
+
+    Of the calls that led to it, the innermost counts that is in a plugin's module, or in its package.
+    """
+    others = [plugin for kind in KINDS for plugin in available(kind).values() if not plugin.is_own]
+    packages = {plugin.entry_point.module.partition(".")[0]: f"code of {plugin.distribution}" for plugin in others}
+    modules = {plugin.entry_point.module: str(plugin) for plugin in others}
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        name = str(frame.f_globals.get("__name__"))
+        if who := modules.get(name) or packages.get(name.partition(".")[0]):
+            return f"{who} raised {cause(error)} ({frame.f_code.co_filename}, line {line})"
+    return None
+
+
 def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
     """The classes of all plugins that import, and one line for each that does not."""
     loaded, problems = dict[str, type](), list[str]()
@@ -209,7 +226,7 @@ def _declared(plugin: Plugin) -> dict[str, choices.Parameter]:
     try:
         return choices.declared(kind)
     except (NameError, TypeError) as error:
-        raise plugin._error(f"annotations of its constructor: {error}") from error
+        raise plugin.error(f"annotations of its constructor: {error}") from error
 
 
 def check(
@@ -232,8 +249,8 @@ def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | N
     keywords, plugin = check(kind, choice, defaults), find(kind, choice.name)
     loaded = plugin.load()
     if problem := misfit(loaded, args, keywords):
-        raise plugin._error(problem)
+        raise plugin.error(problem)
     made = loaded(*args, **keywords)
     if problem := breach(made):
-        raise plugin._error(problem)
+        raise plugin.error(problem)
     return made

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
 
-from stlbench.contract import Suite
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.contract import Suite, SuiteTask
+from stlbench.errors import UsageError, cause, did_you_mean, one_line
 from stlbench.registry import plugins
+from stlbench.registry.breaches import breach
+from stlbench.registry.choices import NAME
+from stlbench.registry.exits import interrupts_raise
 
 
 @dataclass(frozen=True)
@@ -21,32 +24,55 @@ class SuitePlugin(plugins.Plugin):
 
     @property
     def file(self) -> str:
-        return made(self.suite).task(self.member).file
+        return self._made.file
 
     def _imported(self) -> object:
-        return made(self.suite).task(self.member).system
+        return self._made.system
+
+    @property
+    def _made(self) -> SuiteTask:
+        task = made(self.suite).task(self.member)
+        if not (isinstance(task, SuiteTask) and isinstance(task.file, str)):
+            raise plugins.PluginError(f"{self.suite}: task({self.member!r}) gives no SuiteTask with the text of a file")
+        return task
 
 
 def made(plugin: plugins.Plugin) -> Suite:
-    return _made(plugin.load())
+    """The suite. Raises `PluginError` where it breaks its contract, or what it is asked first raises."""
+    return _made(plugin)[0]
 
 
 @lru_cache
-def _made(kind: type) -> Suite:
-    return cast(Suite, kind())
+def _made(plugin: plugins.Plugin) -> tuple[Suite, Mapping[str, str]]:
+    """With the names of its tasks: as a task, without that of the suite -> within the suite."""
+    try:
+        with interrupts_raise():
+            suite = cast(Suite, plugin.load()())
+            names, splits, problem = suite.names, suite.splits, breach(suite)
+            if not problem and (wrong := [name for name in names if not _is_name(name)]):
+                problem = f"its names have {wrong[0]!r}, the contract says parts of a-z, 0-9 and - with slashes between"
+            known = set() if problem else {*names}
+            for split in () if problem else splits:
+                if not isinstance(splits[split], Sequence) or {*splits[split]} - known:
+                    problem = f"its split {split!r} has what is none of its names"
+    except plugins.PluginError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise plugins.PluginError(f"{plugin} cannot be asked for its tasks: {cause(error)}") from error
+    if problem:
+        raise plugins.PluginError(f"{plugin}: {one_line(problem)}")
+    return suite, {name.replace("/", "-"): name for name in names}
 
 
-@lru_cache
-def _members(kind: type) -> Mapping[str, str]:
-    """The name as a task, without that of the suite -> the name within the suite."""
-    return {name.replace("/", "-"): name for name in _made(kind).names}
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and all(map(NAME.fullmatch, name.split("/")))
 
 
 def task(name: str) -> SuitePlugin | None:
     """The plugin of the task `suite-unicycle-sequence-7`; None where no suite has it."""
     for suite in plugins.available("suites").values():
         if name.startswith(f"{suite.name}-"):
-            member = _members(suite.load()).get(name.removeprefix(f"{suite.name}-"))
+            member = _made(suite)[1].get(name.removeprefix(f"{suite.name}-"))
             if member is not None:
                 return SuitePlugin("tasks", name, suite.distribution, suite.version, suite.entry_point, suite, member)
     return None

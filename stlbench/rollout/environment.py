@@ -53,6 +53,7 @@ class Simulator:
         """Begin an episode at each of the starts (N, s), states or seeds. Returns the first observation (N, D)."""
         self.world: World = make_world(self.task, len(begun), drawn=self._drawn)
         self.world.restart(np.arange(len(begun)), begun)
+        faults.check_signals(self.task, self.signals, len(begun))
         self.t: Integers = np.zeros(len(begun), dtype=np.int64)
         self.memory = faults.check_memory(self.method, self.method.initial_memory(self.signals, self.t), self.t)
         return self.observe()

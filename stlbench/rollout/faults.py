@@ -57,6 +57,16 @@ def check_over(method: RewardMethod, over: Truth, count: int) -> None:
         _fault(method, f"over gives {_shown(over)}, the contract says whether: bool")
 
 
+def check_states(task: Task, states: Array, shape: tuple[int, ...]) -> None:
+    """What a system's `step` or a start gives, (N, n)."""
+    _numbers(task, "states", states, shape)
+
+
+def check_signals(task: Task, signals: Array, count: int) -> None:
+    """A sample of each copy, (N, k)."""
+    _numbers(task, "signals", signals, (count, len(task.signals)))
+
+
 def check_samples(task: Task, samples: Array, hold: int, t: Integers) -> None:
     """Signals (hold + 1, N, k), of which the first are at steps t (N,)."""
     _numbers(task, "signals", samples, (hold + 1, len(t), len(task.signals)))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from stlbench.contract import Array, GymTask, Integers, System, World
 from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.rollout import faults
 from stlbench.task.task import Task
 
 
@@ -15,12 +16,15 @@ def make_world(task: Task, count: int, *, drawn: bool = False) -> World:
     """So many copies, none of them begun; `drawn` if pictures are wanted, which Gymnasium must know in advance."""
     dynamics = task.dynamics
     if isinstance(dynamics, System):
-        return SystemWorld(dynamics, count, engineered=task.file.features == "engineered")
+        return SystemWorld(task, dynamics, count)
     if isinstance(dynamics, GymTask):
         from stlbench.rollout.gymnasium.world import GymWorld  # imports Gymnasium, which most tasks do without
 
         return GymWorld(dynamics, task.source, count, drawn=drawn)
-    return dynamics.world(count)
+    world: Any = dynamics.world(count)
+    if not isinstance(world, World):
+        raise faults.PluginFault(f"task {task.name}: world gives {type(world).__name__}, the contract says a World")
+    return world
 
 
 class SystemWorld(World):
@@ -28,8 +32,8 @@ class SystemWorld(World):
 
     can_end: ClassVar[bool] = False
 
-    def __init__(self, system: System, count: int, engineered: bool = True) -> None:
-        self.system, self._engineered = system, engineered
+    def __init__(self, task: Task, system: System, count: int) -> None:
+        self.system, self._task, self._engineered = system, task, task.file.features == "engineered"
         self._state = np.empty((count, len(system.state)))
         self.ended = np.zeros(count, dtype=np.bool_)
 
@@ -49,7 +53,10 @@ class SystemWorld(World):
         states = np.empty((steps + 1, *self._state.shape))
         states[0] = state = self._state
         for i in range(steps):
-            states[i + 1] = state = self.system.step(state, action)
+            state = self.system.step(state, action)
+            if type(state) is not np.ndarray or state.shape != self._state.shape or state.dtype.kind != "f":
+                faults.check_states(self._task, state, self._state.shape)
+            states[i + 1] = state
         samples = self.system.signals(states)
         self._state, self.signals = state, samples[-1].copy()
         return samples

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench.errors import DiskFull, UsageError, one_line
@@ -18,6 +18,7 @@ from stlbench.study.code_changes import NoSpace, key_without_code
 from stlbench.study.provenance import elsewhere, of_cell
 
 _OVER = object()
+_STATUSES = get_args(get_type_hints(Outcome)["status"])
 
 
 def run(
@@ -82,6 +83,8 @@ def outcomes(
                 break
             if not (isinstance(outcome, Outcome) and outcome.index in left):
                 raise UsageError(f"{_name(executor)}: {rule}, it gives {one_line(repr(outcome))}")
+            if problem := _wrong(outcome):
+                raise UsageError(f"{_name(executor)}: its outcome has {problem}")
             left.remove(outcome.index)
             yield outcome
         if left:
@@ -89,6 +92,17 @@ def outcomes(
     finally:
         with failing(executor):
             ended.close()
+
+
+def _wrong(outcome: Outcome) -> str:
+    """Which part of an outcome is of another kind than the contract says; nothing where all are right."""
+    if outcome.status not in _STATUSES:
+        return f"the status {one_line(repr(outcome.status))}, the contract says {', '.join(_STATUSES)}"
+    if not (isinstance(outcome.reason, str) and isinstance(outcome.details, str)):
+        return "a reason or details that are no text"
+    if not isinstance(outcome.facts, Mapping | None):
+        return f"facts of type {type(outcome.facts).__name__}, the contract says a mapping or None"
+    return ""
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from copy import copy
 from functools import cached_property, lru_cache, partial
 from typing import Any, Literal, TypeAlias
 
+import gymnasium
 import numpy as np
 
 from stlbench.contract import Array, GymTask, cause
@@ -167,6 +168,8 @@ def _made(entry: Environment, task: GymTask, render_mode: RenderMode) -> Gym:
         raise
     except Exception as error:
         raise failed("the environment", error) from error
+    if not isinstance(env, gymnasium.Env | None):
+        raise UsageError(f"make gives {type(env).__name__}, the contract says an environment of Gymnasium, or None")
     return _by_id(entry, render_mode) if env is None else env
 
 

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import count as naturals
 from itertools import islice
 from math import isqrt
+from typing import Any
 
 import numpy as np
 
 from stlbench.contract import Array, System
 from stlbench.errors import UsageError
+from stlbench.registry import plugins
 from stlbench.task.entry import Region
 from stlbench.task.file import Protocol, TaskFile
 
@@ -38,7 +41,7 @@ class StateStarts:
 
     def report_and_selection(self) -> tuple[Array, Array]:
         """Those behind the main score of the report, and those on which checkpoints are selected: see `grid_apart`."""
-        return grid_apart(self.initial, self.file.starts, self.system.initial_states)
+        return grid_apart(self.initial, self.file.starts, partial(begun, self.system))
 
     def at_random(self, count: int) -> Array:
         """The report's many random starts, the same for every method and seed of a task."""
@@ -46,7 +49,7 @@ class StateStarts:
 
     def of_protocol(self, protocol: Protocol) -> Array:
         """An even grid of the protocol's region, or of the task's."""
-        return self.system.initial_states(grid(protocol.initial or self.initial, protocol.starts))
+        return begun(self.system, grid(protocol.initial or self.initial, protocol.starts))
 
     def of_training(self, generator: np.random.Generator, count: int) -> Array:
         """Where that many training episodes begin. All randomness is the generator's."""
@@ -111,7 +114,18 @@ def sample(region: Region, generator: np.random.Generator, count: int) -> Array:
 
 def sampled_states(system: System, region: Region, generator: np.random.Generator, count: int) -> Array:
     """The states (count, n) in which episodes begin, drawn as by `sample`."""
-    return system.initial_states(sample(region, generator, count))
+    return begun(system, sample(region, generator, count))
+
+
+def begun(system: System, points: Array) -> Array:
+    """The states (N, n) at points of a region. Raises `UsageError` where the system gives others."""
+    states: Any = system.initial_states(points)
+    if type(states) is not np.ndarray or states.shape != (len(points), len(system.state)):
+        shape = getattr(states, "shape", type(states).__name__)
+        name = plugins.name_of("tasks", type(system)) or type(system).__name__
+        rule = f"the contract says an array {(len(points), len(system.state))}"
+        raise UsageError(f"task {name}: initial_states gives {shape}, {rule}")
+    return states
 
 
 def grid(region: Region, count: int) -> Array:

@@ -188,6 +188,8 @@ def load_task(choice: Choice | str) -> Task:
     dynamics = None
     try:
         dynamics = _dynamics(plugin, reading.parts)
+    except plugins.PluginError:
+        raise
     except ImportError as error:
         if not errors:
             raise UsageError(f"task {name} cannot be loaded: {error}") from error
@@ -273,7 +275,7 @@ def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
     except (TypeError, ValueError) as error:
         raise ValueError(f"parameters: {str(error).removeprefix(f'{plugin.name}: ')}") from error
     if problem := breach(made):
-        raise ValueError(problem)
+        raise plugin.error(problem)
     return made
 
 

@@ -106,7 +106,10 @@ SAID = {
     "refuses": ("intractable", "(its text cannot be had, it raises KeyError)"),
     "unfit": ("unsuitable", "\\x1b[31mred \\udcff"),
     "extended": ("done", ""),
-    "typed": ("raised", "PluginError: method 'bad-typed' of bad-plugins 1.2 (bad_plugins.methods:Typed): its extension"),
+    "typed": (
+        "raised",
+        "PluginError: method 'bad-typed' of bad-plugins 1.2 (bad_plugins.methods:Typed): its extension",
+    ),
 }
 
 

@@ -191,6 +191,21 @@ def test_a_method_of_others_that_raises_breaks_no_command_about_a_task(say, toy,
     assert {"method": "zz-raises", "status": "raised", "reason": "RuntimeError: no luck"} in refused
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("return state\n", "return 1 / 0\n", "error: task 'toy-line' of toy-plugins 1.2 raised ZeroDivisionError: "),
+        ("return state\n", "return None\n", "`stlbench check toy-line` says which rule it breaks"),
+    ],
+)
+def test_a_task_of_others_that_breaks_is_one_line(say, toy, old: str, new: str, said: str) -> None:
+    path = toy / "toy_plugins/line/system.py"
+    path.write_text(path.read_text().replace(old, new, 1))
+    done = say("show", "task", "toy-line", "--track", "auto")
+    assert done.exit_code == 2
+    assert said in done.stderr.splitlines()[-1]
+
+
 ROOT = Path(__file__).parents[2]
 POLE = """
 title: Keep a pole upright in the middle

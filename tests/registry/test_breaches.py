@@ -76,7 +76,7 @@ def test_agents_policies_and_systems() -> None:
     assert breach(Searched()) == "its search_space is 7, the contract says a mapping"
     assert breach(Still()) == "its act takes (), the contract says a function of (observation)"
     assert breach(Line(FILE["sampling_time"])) == ""
-    assert breach(type("Bad", (Line,), {"state": "x"})(1.0)) == "its state is 'x', the contract says a tuple"
+    assert breach(type("Bad", (Line,), {"state": "x"})(1.0)) == "its state is 'x', the contract says a tuple of texts"
 
 
 def test_numbers_of_numpy_are_numbers() -> None:

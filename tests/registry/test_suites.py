@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from stlbench.contract import System
@@ -57,3 +59,43 @@ def test_the_plugin_of_a_task() -> None:
     assert plugin.revision == 1
     assert issubclass(plugin.load(), System)
     assert NAME not in plugins.available("tasks")
+
+
+BROKEN = """
+from stlbench.contract import Suite, SuiteTask
+class One(Suite):
+    names, splits = {names}, {splits}
+    def task(self, name): return {task}
+"""
+
+
+@pytest.mark.parametrize(
+    ("names", "splits", "task", "said"),
+    [
+        ("7", "{}", "7", "suite 'zz' of acme 1.2: its names is 7, the contract says a sequence"),
+        ("[7]", "{}", "7", "suite 'zz' of acme 1.2: its names have 7, the contract says parts of a-z, 0-9 and -"),
+        ("['../a']", "{}", "7", "suite 'zz' of acme 1.2: its names have '../a', the contract says parts of"),
+        ("['a']", "7", "7", "suite 'zz' of acme 1.2: its splits is 7, the contract says a mapping"),
+        ("['a']", "{'dev': ['b']}", "7", "suite 'zz' of acme 1.2: its split 'dev' has what is none of its names"),
+        (
+            "property(lambda self: 1 / 0)",
+            "{}",
+            "7",
+            "suite 'zz' of acme 1.2 cannot be asked for its tasks: ZeroDivision",
+        ),
+        (
+            "['a']",
+            "{}",
+            "7",
+            "task 'zz-a' of acme 1.2 (zz_suite:One): PluginError: suite 'zz' of acme 1.2: task('a') gives",
+        ),
+    ],
+)
+def test_a_suite_that_breaks_its_contract_is_named_with_the_rule(
+    site: Any, names: str, splits: str, task: str, said: str
+) -> None:
+    text = BROKEN.format(names=names, splits=splits, task=task)
+    site("acme", "[stlbench.suites]\nzz = zz_suite:One\n", {"zz_suite.py": text})
+    with pytest.raises(plugins.PluginError) as caught:
+        plugins.find("tasks", "zz-a").load()
+    assert str(caught.value).startswith(said)

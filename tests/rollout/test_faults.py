@@ -147,7 +147,7 @@ class Hidden(Line):
     ("system", "said"),
     [
         (Torn(0.5), "task line: signal x is nan at step 1 in 1 of 3 copies"),
-        (Wide(0.5), r"task line: the shape of its signals is \(3, 3, 2\), the contract says \(3, 3, 1\)"),
+        (Wide(0.5), r"task line: the shape of its signals is \(3, 2\), the contract says \(3, 1\)"),
         (Hidden(0.5), "task line: feature 0 is inf at step 0 in 3 of 3 copies"),
     ],
 )
