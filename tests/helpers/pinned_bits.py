@@ -3,7 +3,8 @@
 A row depends on some parts of the distribution: the harness, the formula's view, an agent, a method, a task, a suite.
 The file of pins has the digest of all bits of each row, and the revision of each part. A process of its own computes
 the rows with `BASELINE`, in which libraries use no instruction that some processor of the architecture lacks. So the
-digests are the same on every processor.
+digests are the same on every processor, but for agents of Stable-Baselines3: PyTorch computes what it computes, and
+their rows count on the processor of the pins alone.
 
 `python tests/helpers/pinned_bits.py --write` pins the matrix. It refuses where bits of a row have changed while the
 revisions of its parts have not.
@@ -24,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import llvmlite.binding
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from pydantic import TypeAdapter
@@ -432,6 +434,11 @@ def here() -> dict[str, str]:
     return {"machine": kind, "python": python, **{name: _version(name) for name in PACKAGES}}
 
 
+def processor() -> str:
+    """The name that LLVM has for it."""
+    return str(llvmlite.binding.get_host_cpu_name())
+
+
 def _version(name: str) -> str:
     try:
         return metadata.version(name)
@@ -457,11 +464,14 @@ def read_pins() -> dict[str, Any]:
     return dict(json.loads(PINS.read_text(encoding="utf-8")))
 
 
-def problem(digests: Mapping[str, str], pins: Mapping[str, Any], numbers: Mapping[str, int]) -> str | None:
-    """In a line, what is wrong with the pins of rows; None where they hold."""
+def problem(
+    digests: Mapping[str, str], pins: Mapping[str, Any], numbers: Mapping[str, int], on: str | None = None
+) -> str | None:
+    """In a line, what is wrong with the pins of rows; None where they hold. `on` is the processor, if not this one."""
+    same = pins["processor"] == (processor() if on is None else on)
     raised = {part for part, number in numbers.items() if pins["revisions"].get(part) != number}
     old = [row.name for row in rows() if row.name in pins["rows"] and not raised.intersection(row.parts)]
-    changed = [name for name in old if pins["rows"][name] != digests[name]]
+    changed = [name for name in old if pins["rows"][name] != digests[name] and (same or " sb3-" not in name)]
     if changed:
         found = suspects(changed)
         part = " or ".join(f"{name} from {numbers[name]} to {numbers[name] + 1}" for name in found)
@@ -480,7 +490,7 @@ def write() -> str | None:
     digests, numbers = computed(), parts()
     if PINS.exists() and "bits have changed" in (said := problem(digests, read_pins(), numbers) or ""):
         return said
-    content = {**here(), "revisions": numbers, "rows": digests}
+    content = {**here(), "processor": processor(), "revisions": numbers, "rows": digests}
     PINS.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return None
 

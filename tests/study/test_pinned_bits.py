@@ -47,11 +47,11 @@ class TestAChangedBit:
 
     @property
     def pins(self) -> dict[str, Any]:
-        return {"revisions": self.numbers, "rows": dict.fromkeys(ROWS, "same")}
+        return {"processor": "one", "revisions": self.numbers, "rows": dict.fromkeys(ROWS, "same")}
 
-    def said(self, part: str, **raised: int) -> str | None:
+    def said(self, part: str, on: str = "one", **raised: int) -> str | None:
         digests = {name: "other" if part in row.parts else "same" for name, row in ROWS.items()}
-        return pinned_bits.problem(digests, self.pins, self.numbers | raised)
+        return pinned_bits.problem(digests, self.pins, self.numbers | raised, on)
 
     @pytest.mark.parametrize("part", [*numbers])
     def test_names_its_part_and_the_new_number(self, part: str) -> None:
@@ -72,6 +72,10 @@ class TestAChangedBit:
     def test_of_a_few_rows_is_blamed_on_what_they_alone_have(self, rows: list[str], parts: list[str]) -> None:
         assert {*rows} <= {*ROWS}
         assert pinned_bits.suspects(rows) == parts
+
+    def test_of_pytorch_is_no_problem_on_another_processor(self) -> None:
+        assert self.said("agents.sb3-sac", on="another") is None
+        assert self.said("agents.td3", on="another") is not None
 
     def test_is_no_problem_once_the_number_is_raised_but_a_new_pin_is_needed(self) -> None:
         assert self.said("none") is None
