@@ -45,7 +45,8 @@ def remove(
     """Remove cells from the ledger, with their traces, policies and logs: `stlbench run` measures them again.
 
     At least one of CELL, --status and --budget is needed; a cell is removed if all that are given fit. Prints the
-    cells, and asks before it removes them. --json prints a list of them and needs --yes.
+    cells, and asks before it removes them. Where other seeds of a cell stay, tables count it as not run. --json prints
+    a list of them and needs --yes.
 
     \b
     Examples:

@@ -21,6 +21,7 @@ from stlbench.share.rescored import CLAIMS_MORE, Rescored
 from stlbench.share.rescored import rescore as rescore_policies
 
 _SHOWN = 10  # the most files without a result that are listed
+_CANNOT_TELL = 3  # the exit code, as that of `compare`
 
 
 def verify(
@@ -43,7 +44,7 @@ def verify(
     the old file is kept as ledger.sqlite.damaged; the exit code is 0.
 
     A bundle is compared with its own list of checksums. With --rescore the referee scores the policies in it on this
-    machine, and the exit code is 1 where the bundle claims more than it finds.
+    machine. The exit code is 1 where the bundle claims more than it finds, and 3 where a policy could not be scored.
 
     \b
     Examples:
@@ -83,7 +84,7 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
         yield f"and {len(strays) - _SHOWN} more files"
     parts = [f"{damaged} with damage"] if damaged else ["its structure is damaged"] if verified.structure else []
     parts += [f"{len(strays)} files without a result"] if strays else []
-    verdict = ", ".join(parts) or "whole"
+    verdict = ", ".join(parts) or ("whole" if verified.rows else "empty")
     yield f"{folder}/: {verified.rows} rows, {verified.files} files as they were recorded: {verdict}"
     if verified.marked:
         cells_are = "1 cell is" if verified.marked == 1 else f"{verified.marked} cells are"
@@ -104,9 +105,21 @@ def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
             why = f", {each.why}" if each.why else ""
             typer.echo(f"[{len(scored)}/{checked.policies}] {each.cell.name}: {each.verdict}{why}", err=True)
     facts = {"whole": not checked.problems, **checked._asdict(), "rescored": [_rescored(each) for each in scored]}
-    show(as_json, facts, _bundle_text(path, checked, scored))
+    unscored = _unscored(scored)
+    said = [f"{unscored}: the bundle is not confirmed"] if rescore and unscored and not checked.problems else []
+    show(as_json, facts, [*_bundle_text(path, checked, scored), *said])
     if checked.problems or any(each.verdict == CLAIMS_MORE for each in scored):
         raise typer.Exit(1)
+    if rescore and unscored:
+        raise typer.Exit(_CANNOT_TELL)
+
+
+def _unscored(scored: list[Rescored]) -> str:
+    """Why not every policy is confirmed; empty where all were scored."""
+    count = sum(each.found is None for each in scored)
+    if scored and not count:
+        return ""
+    return f"{count} of {len(scored)} policies could not be scored here" if scored else "no cell has a policy to score"
 
 
 def _rescored(each: Rescored) -> dict[str, object]:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from stlbench.errors import unwritable
 from stlbench.records.fields import MOST
-from stlbench.records.identity import IDENTITY, CellId
+from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
 from stlbench.records.reader import Records
 from stlbench.records.result import Result
 from stlbench.records.rows import Row, texts, values
-from stlbench.records.schema import opened
+from stlbench.records.schema import COLUMNS, opened
 from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"  # its name in a folder of results
@@ -71,25 +71,32 @@ class Ledger(Records):
     def mark(self, key: str, own: str) -> None:
         """Have the next run measure the cell with this key. Its result counts until then.
 
-        `own` is the key in its result. A row with another key gets it, unless a row has it already.
+        `own` is the key in its result. A row with another key gets it, unless a row has it already. The cell of a row
+        that is gone is planned.
         """
         with self._writing() as database:
             database.execute("UPDATE OR IGNORE cells SET again = 1, key = ? WHERE key = ?", (own, key))
             if own != key:
                 database.execute("DELETE FROM cells WHERE key = ?", (key,))
+            gone = "key = ? AND NOT EXISTS (SELECT 1 FROM cells WHERE cells.key = recorded.key)"
+            plan = f"INSERT OR IGNORE INTO planned ({COLUMNS}) SELECT {COLUMNS} FROM recorded WHERE {gone}"  # noqa: S608
+            database.execute(f"{plan} AND track != '{OUTSIDE}'", (key,))
+            database.execute(f"DELETE FROM recorded WHERE {gone}", (key,))  # noqa: S608
 
     def copy(self, source: Ledger) -> None:
-        """Copy the plan and the readable rows of another ledger, unchanged."""
-        self.plan_also(source.planned())
+        """Copy the plan and the readable rows of another ledger, unchanged. The cells of the others are planned."""
+        rows, written = source.listed(from_index=False), source.written()
+        gone = written.keys() - {row.key for row in rows}
+        self.plan_also({key: written[key] for key in gone if written[key].track != OUTSIDE} | source.planned())
         with self._writing() as database:
-            for row in source.listed(from_index=False):
+            for row in rows:
                 _insert(database, source.columns(row))
 
     def remove(self, cell: CellId) -> list[str]:
         """Remove a cell, with all its results and its place in the plan; the keys it had."""
         keys = list[str]()
         with self._writing() as database:
-            for table in ("cells", "planned"):
+            for table in ("cells", "planned", "recorded"):
                 rows = database.execute(
                     f"DELETE FROM {table} WHERE ({_IDENTITY}) = (?, ?, ?, ?, ?, ?) RETURNING key",  # noqa: S608
                     texts(cell),
@@ -178,15 +185,20 @@ class Ledger(Records):
 
 
 def _add_plan(database: sqlite3.Connection, cells: Mapping[str, CellId]) -> None:
-    columns, marks = f"key, {_IDENTITY}", ", ".join("?" * (1 + len(IDENTITY)))
-    rows = [(key, *texts(cell)) for key, cell in cells.items()]
-    database.executemany(f"INSERT OR REPLACE INTO planned ({columns}) VALUES ({marks})", rows)  # noqa: S608
+    _list(database, "planned", [(key, *texts(cell)) for key, cell in cells.items()])
+
+
+def _list(database: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any]]) -> None:
+    """Write rows of `COLUMNS`."""
+    marks = ", ".join("?" * (1 + len(IDENTITY)))
+    database.executemany(f"INSERT OR REPLACE INTO {table} ({COLUMNS}) VALUES ({marks})", rows)  # noqa: S608
 
 
 def _insert(database: sqlite3.Connection, columns: Mapping[str, Any]) -> None:
     names, marks = ", ".join(columns), ", ".join("?" * len(columns))
     if columns:
         database.execute(f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", tuple(columns.values()))  # noqa: S608
+        _list(database, "recorded", [[columns[name] for name in ("key", *IDENTITY)]])
 
 
 def _is_given_up(row: Row, attempts: int | None) -> bool:

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from stlbench.errors import UsageError, one_line
-from stlbench.records.identity import IDENTITY, CellId
+from stlbench.records.identity import CellId
 from stlbench.records.result import Result, plain
 from stlbench.records.rows import Row, cell_of, result_of
-from stlbench.records.schema import LISTED, is_sqlite, opened
+from stlbench.records.schema import COLUMNS, LISTED, VERSION, is_sqlite, opened
 
-_IDENTITY = ", ".join(IDENTITY)
 _BYTES = 200  # the least that a row takes, in any table
 _AGAIN = 10**6
 """Rows that were replaced, at most; each gets a greater number. A damaged file may claim a number of 2^62."""
@@ -66,17 +65,29 @@ class Records:
             self._database.close()
 
     def planned(self) -> dict[str, CellId]:
+        return self._cells("planned", "the plan")
+
+    def written(self) -> dict[str, CellId]:
+        """The cells of all rows that were written and not removed; none of a ledger of the version before."""
+        return self._cells("recorded", "the list of its rows") if self._lists_rows else {}
+
+    @property
+    def _lists_rows(self) -> bool:
+        tables = "SELECT count(*) FROM sqlite_schema WHERE name = 'recorded'"
+        return self._database is not None and bool(_first(self._database.execute(tables)))
+
+    def _cells(self, table: str, what: str) -> dict[str, CellId]:
         if self._database is None:
             return {}
-        salvaged, planned = salvage(self._database, "planned", f"key, {_IDENTITY}"), dict[str, CellId]()
+        salvaged, cells = salvage(self._database, table, COLUMNS), dict[str, CellId]()
         for _, key, *identity in salvaged.rows:
             try:
-                planned[key] = cell_of(*identity)
+                cells[key] = cell_of(*identity)
             except ValueError as error:
-                self._warn("a part of the plan", str(error))
+                self._warn(f"a part of {what}", str(error))
         if salvaged.problem:
-            self._warn("a part of the plan", salvaged.problem)
-        return planned
+            self._warn(f"a part of {what}", salvaged.problem)
+        return cells
 
     def problems(self) -> list[str]:
         """What SQLite reports about the file's structure; empty if it is whole."""
@@ -84,6 +95,8 @@ class Records:
             return []
         try:
             reports = [str(row[0]) for row in self._database.execute("PRAGMA integrity_check(20)")]
+            if not self._lists_rows and _first(self._database.execute("PRAGMA user_version")) >= VERSION:
+                reports.append("it does not list the rows that were recorded")
         except sqlite3.DatabaseError as error:
             return [str(error)]
         return [line for text in reports for line in text.splitlines() if line != "ok"]
@@ -106,11 +119,11 @@ class Records:
         return Recorded(key, result.id, files, result, again)
 
     def lost(self) -> dict[str, CellId | None]:
-        """The keys of rows of which nothing else is known, with their cells if the plan has them."""
+        """The keys of rows that cannot be read, with their cells if the plan or the list of rows has them."""
         if self._database is None:
             return {}
-        planned = self.planned()
-        return {key: planned.get(key) for key in salvage(self._database, "cells", LISTED).lost.values()}
+        known = self.planned() | self.written()
+        return {key: known.get(key) for key in salvage(self._database, "cells", LISTED).lost.values()}
 
     def listed(self, *, from_index: bool = True) -> list[Row]:
         """All readable rows in the order in which they were recorded.

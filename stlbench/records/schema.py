@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +14,8 @@ from stlbench.records.identity import IDENTITY
 from stlbench.records.outputs import inside
 
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"  # the columns of a `Row`
-VERSION = 5  # of the tables below, in `PRAGMA user_version`. A ledger of another version is refused.
+COLUMNS = f"key, {', '.join(IDENTITY)}"  # those of `planned` and `recorded`
+OLDEST, VERSION = 5, 6  # of the tables below, in `PRAGMA user_version`. One of another version is refused.
 LONGEST = 2**26  # bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB.
 _OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
 """Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
@@ -31,11 +32,15 @@ _TABLES = (
     checksum TEXT NOT NULL, files TEXT NOT NULL, failures INTEGER NOT NULL, again INTEGER NOT NULL
     )""",
     f"CREATE TABLE IF NOT EXISTS planned ({_IDENTITY})",
+    f"CREATE TABLE IF NOT EXISTS recorded ({_IDENTITY})",
     f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})",
 )
 """`checksum` is of the text `result`, `files` has those of the cell's files as JSON, `failures` counts how often in a
 row the cell has failed, and `again` says whether the next run measures it, though it has a result. With the index,
-missing cells are found without the pages of the results: for 100,000 cells 10 MB in place of a GB."""
+missing cells are found without the pages of the results: for 100,000 cells 10 MB in place of a GB.
+
+`recorded` lists the rows of `cells` once more: it changes in the same transactions, so one that was deleted by another
+program is noticed. Version 5 did not have it."""
 
 
 def is_sqlite(path: Path) -> bool:
@@ -57,14 +62,16 @@ def opened(path: Path, *, to_write: bool = False) -> sqlite3.Connection:
                 path.parent.mkdir(parents=True, exist_ok=True)
             database = _guarded(f"{path.absolute().as_uri()}?mode=rwc") if to_write else _to_read(path)
             undone.callback(database.close)
-            is_new = _check(path, database)
+            version = _check(path, database)
             if to_write:
                 database.execute("PRAGMA journal_mode = DELETE")  # in WAL mode results would be in another file
-            if is_new:
+            if version is None:
                 if not to_write:  # an empty file cannot be given tables here
                     database = sqlite3.connect(":memory:", isolation_level=None)
                     undone.callback(database.close)
                 _make(database)
+            elif to_write and version < VERSION:
+                _renew(database)
             undone.pop_all()
             return database
     except (OSError, sqlite3.Error) as error:
@@ -123,6 +130,17 @@ class _Connection(sqlite3.Connection):
             raise sqlite3.DatabaseError(f"a name in it is no UTF-8 ({one_line(error)})") from error
 
 
+def _renew(database: sqlite3.Connection) -> None:
+    """Give a ledger of the version before the list of its rows, as far as the index says them."""
+    with database:
+        database.execute("BEGIN IMMEDIATE")
+        for statement in _TABLES:
+            database.execute(statement)
+        with suppress(sqlite3.DatabaseError):
+            database.execute(f"INSERT OR IGNORE INTO recorded ({COLUMNS}) SELECT {COLUMNS} FROM cells")  # noqa: S608
+        database.execute(f"PRAGMA user_version = {VERSION}")
+
+
 def _guarded(uri: str) -> sqlite3.Connection:
     """A connection on which a file from a stranger can cost only so much memory and time.
 
@@ -140,22 +158,22 @@ def _allow(database: sqlite3.Connection, steps: int) -> None:
     database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
 
 
-def _check(path: Path, database: sqlite3.Connection) -> bool:
-    """Whether the file is empty. Raises `UsageError` where it is neither that nor a ledger of this version."""
+def _check(path: Path, database: sqlite3.Connection) -> int | None:
+    """Its version; None if the file is empty. Raises `UsageError` where it is neither that nor a ledger."""
     application, version, tables = (
         int(database.execute(query).fetchone()[0])
         for query in ("PRAGMA application_id", "PRAGMA user_version", _COUNT_TABLES)
     )
     if (application, version, tables) == (0, 0, 0):
-        return True
+        return None
     if application != APPLICATION:
         raise UsageError(f"{path} is no ledger of stlbench")
-    if version != VERSION:
-        raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
+    if not OLDEST <= version <= VERSION:
+        raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads {OLDEST} to {VERSION}")
     if (strange := _strange(database)) is not None:
         raise UsageError(f"the ledger {path} has {strange}, which stlbench does not write; it is not read")
     _allow(database, _READING + path.stat().st_size)
-    return False
+    return version
 
 
 def _strange(database: sqlite3.Connection) -> str | None:

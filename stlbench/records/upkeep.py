@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 import shutil
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records import stored
-from stlbench.records.identity import CellId
+from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.inputs import is_there, to_read
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
@@ -60,10 +60,16 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
     return pattern
 
 
-def remove(folder: Path, cells: Iterable[CellId]) -> None:
+def remove(folder: Path, cells: Collection[CellId]) -> None:
+    """Take cells out. Where results of other seeds stay, they are planned, so that tables say that a seed is missing;
+    else what is planned of their setting goes too."""
     with writing(folder), Ledger(folder / FILE, create=False) as ledger:
-        for cell in cells:
+        keys = ledger.counted()
+        staying = {cell.setting for cell in keys.keys() - cells if cell.track != OUTSIDE}
+        leaving = {cell.setting for cell in cells} - staying
+        for cell in {*cells, *(cell for cell in ledger.planned().values() if cell.setting in leaving)}:
             take_out(folder, ledger, cell)
+        ledger.plan_also({keys[cell]: cell for cell in cells if cell in keys and cell.setting in staying})
 
 
 def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:

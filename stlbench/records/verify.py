@@ -55,26 +55,27 @@ def verify(folder: Path) -> Verified:
         return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
         damages = [Damage(key, cell, "row", "it cannot be read") for key, cell in ledger.lost().items()]
-        rows, files, marked = 0, 0, 0
+        rows, files, marked, there = 0, 0, 0, {damage.key for damage in damages}
         for row in ledger.recorded():
             rows, marked = rows + 1, marked + row.again
+            there.update((row.key, row.own_key))
             if isinstance(row.result, str):
                 damages.append(Damage(row.key, row.cell, "row", row.result, row.own_key))
             else:
                 changed = list(_changed(folder, row.files, row.result))
                 damages += changed
                 files += len(row.files) - len(changed)
-        problems = list(ledger.problems())
-        if not rows and (left := sum(len(names(folder / kind, folder, ".npz")) for kind in (TRACES, POLICIES))):
-            problems.append(f"it has no result beside {left} files of traces and policies")
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
+        gone = {key: cell for key, cell in ledger.written().items() if key not in there}
+        damages += [Damage(key, cell, "row", "it was recorded, and is not there") for key, cell in gone.items()]
+        keys = {*(row.key for row in ledger.listed()), *ledger.planned(), *gone}
         return Verified(
             rows=rows,
             files=files,
-            structure=tuple(problems),
+            structure=tuple(ledger.problems()),
             damages=tuple(damages),
             marked=marked,
-            strays=tuple(_strays(folder, {*(row.key for row in ledger.listed()), *ledger.planned()})) if sound else (),
+            strays=tuple(_strays(folder, keys)) if sound else (),
         )
 
 

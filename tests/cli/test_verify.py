@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -60,6 +61,13 @@ def test_damage_is_named_and_repaired(folder):
     assert "1 cell is marked, for the next `stlbench run` to measure again" in say(folder).stdout
 
 
+def test_a_ledger_without_rows_is_empty(tmp_path):
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.plan({"a": result().id})
+    done = say(tmp_path)
+    assert (done.exit_code, done.stdout) == (0, f"{tmp_path}/: 0 rows, 0 files as they were recorded: empty\n")
+
+
 def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
         raise DiskFull("cannot write")
@@ -96,6 +104,39 @@ def test_verify_scores_a_bundle_again(say, ran) -> None:
     assert (said["whole"], [each["verdict"] for each in said["rescored"]]) == (True, ["as recorded"] * 2)
     assert said["rescored"][0]["recorded"] == said["rescored"][0]["found"]
     assert said["rescored"][0]["found"]["formula"]["satisfaction"] <= 1
+
+
+@pytest.mark.parametrize("kind", ["the plugin", "the policies", "one policy"])
+def test_a_bundle_of_which_a_policy_cannot_be_scored_is_not_confirmed(say, ran, kind) -> None:
+    for path in sorted(Path("results/policies").iterdir())[kind == "one policy" :] if kind != "the plugin" else ():
+        path.unlink()
+    if kind == "the plugin":
+        replace_text(Path("results/cells.jsonl"), say, "toy-line", "no-line")
+    say("bundle", "results", "mine.zip")
+    done = say("verify", "mine.zip", "--rescore")
+    assert done.exit_code == 3, done.output
+    count = 1 if kind == "one policy" else 2
+    assert f"{count} of 2 policies could not be scored here: the bundle is not confirmed" in done.stdout.splitlines()
+    said = json.loads(say("verify", "mine.zip", "--rescore", "--json").stdout)
+    assert [each["verdict"] for each in said["rescored"]].count("not scored") == count
+
+
+def replace_text(lines: Path, say, old: str, new: str) -> None:
+    say("export", "results", "--format", "jsonl")
+    lines.write_text(lines.read_text().replace(old, new))
+    for path in Path("results/policies").iterdir():
+        path.rename(path.with_name(path.name.replace(old, new)))
+    Path("results", FILE).unlink()
+
+
+def test_nor_is_one_without_policies(tmp_path) -> None:
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.record(replace(result(), key="0" * 32))
+    CliRunner().invoke(app, ["bundle", str(tmp_path), str(tmp_path / "mine.zip")])
+    done = say(tmp_path / "mine.zip", "--rescore")
+    assert done.exit_code == 3
+    assert done.stdout.splitlines()[-1] == "no cell has a policy to score: the bundle is not confirmed"
+    assert say(tmp_path / "mine.zip").exit_code == 0
 
 
 def test_verify_names_what_is_wrong_with_a_bundle(say, ran) -> None:

@@ -17,7 +17,7 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records.ledger import Ledger
-from stlbench.records.schema import LISTED, VERSION
+from stlbench.records.schema import LISTED, OLDEST, VERSION
 from stlbench.records.status import ACCIDENTS
 
 
@@ -183,7 +183,7 @@ def of_version(version):
     return make
 
 
-OTHER = f"is a ledger of version {{}}; this stlbench reads version {VERSION}"
+OTHER = f"is a ledger of version {{}}; this stlbench reads {OLDEST} to {VERSION}"
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ OTHER = f"is a ledger of version {{}}; this stlbench reads version {VERSION}"
         (lambda path: path.write_bytes(b"SQLite format 3\0 and then nonsense" * 50), "cannot read the ledger"),
         (other_database, "is no ledger of stlbench"),
         (lambda path: path.mkdir(), "is no ledger of stlbench"),
-        *((of_version(VERSION + step), OTHER.format(VERSION + step)) for step in (-1, 1)),
+        *((of_version(version), OTHER.format(version)) for version in (OLDEST - 1, VERSION + 1)),
         (lambda path: None, "there is no ledger at"),
     ],
 )

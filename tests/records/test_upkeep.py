@@ -15,6 +15,7 @@ from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.records.upkeep import Merged, choose, merge, remove
+from stlbench.report import condense
 from stlbench.study.results import Results
 
 MORNING, EVENING = "2026-11-22T08:00:00+00:00", "2026-11-22T20:00:00+00:00"
@@ -98,8 +99,30 @@ def test_what_is_removed_is_gone_with_its_files_and_older_results(folder):
     remove(folder, [cell])
     loaded = Results.load(folder)
     assert "hold-disc/funnel/dqn/0" not in [one.id.name for one in loaded]
-    assert (len(loaded), loaded.missing) == (4, ())
+    assert (len(loaded), loaded.missing) == (4, (cell,))  # another seed is there
     assert [len(list((folder / kind).iterdir())) for kind in ("traces", "policies")] == [4, 4]
+
+
+def test_a_seed_that_was_removed_is_missing_beside_the_others(folder):
+    cells = [result("funnel", seed).id for seed in range(2)]
+    remove(folder, cells[:1])
+    (group,) = (each for each in condense(*seen(folder)) if each.setting == cells[0].setting)
+    assert group.seeds == (0, 2, "1 not run, 1 raised")
+    remove(folder, cells[1:])
+    assert cells[0].setting not in [each.setting for each in condense(*seen(folder))]
+
+
+def seen(folder):
+    results = Results.load(folder)
+    return results.results, results.missing
+
+
+def test_a_policy_from_outside_that_was_removed_is_gone(tmp_path):
+    """No run measures it again."""
+    both = [result("funnel", seed, track="outside") for seed in range(2)]
+    folder = folder_of(tmp_path, *both)
+    remove(folder, [both[0].id])
+    assert Results.load(folder).missing == ()
 
 
 def test_merging_counts_and_the_newest_wins(tmp_path):

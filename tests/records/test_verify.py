@@ -13,6 +13,7 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import cell_files
+from stlbench.records.upkeep import merge, remove
 from stlbench.records.verify import DAMAGED, repair, verify
 from stlbench.study import run
 
@@ -48,12 +49,82 @@ def test_a_whole_folder(folder):
         assert len(ledger.finished(keyed(seed).key for seed in range(3))) == 3
 
 
-def test_no_result_beside_files_is_not_whole(folder):
+def deleted(folder, rule="1", table="cells"):
     with sqlite3.connect(folder / FILE) as database:
-        database.execute("DELETE FROM cells")
+        database.execute(f"DELETE FROM {table} WHERE {rule}")
+    database.close()
+
+
+@pytest.mark.parametrize(("rule", "seeds"), [("seed = 1", [1]), ("seed < 2", [0, 1]), ("1", [0, 1, 2])])
+@pytest.mark.parametrize("planned", [True, False])
+def test_rows_that_were_deleted_are_named(folder, rule, seeds, planned):
+    deleted(folder, rule)
+    if not planned:
+        deleted(folder, table="planned")
     found = verify(folder)
-    assert not found.is_whole
-    assert found.structure == ("it has no result beside 6 files of traces and policies",)
+    expected = [(f"hold-disc/funnel/dqn/{seed} quick", "row", "it was recorded, and is not there") for seed in seeds]
+    assert (found.rows, said(found), found.is_whole) == (3 - len(seeds), expected, False)
+    assert said(repair(folder)) == expected
+    assert verify(folder).is_whole
+    with Ledger(folder / FILE) as ledger:
+        assert [cell.seed for cell in ledger.missing()] == seeds  # the next run measures them
+        ledger.record(keyed(seeds[0]))
+    assert (verify(folder).rows, verify(folder).is_whole) == (4 - len(seeds), True)
+
+
+def test_rows_that_are_measured_again_are_there_again(folder):
+    deleted(folder)
+    with Ledger(folder / FILE) as ledger:
+        for seed in range(3):
+            ledger.record(keyed(seed))
+    assert verify(folder).is_whole
+
+
+def test_what_was_removed_put_together_or_copied_is_no_damage(folder, tmp_path):
+    remove(folder, [keyed(1).id])
+    merge(tmp_path / "merged", folder)
+    for place, rows in ((folder, 2), (tmp_path / "merged", 2)):
+        assert (verify(place).rows, verify(place).is_whole) == (rows, True)
+
+
+def test_a_ledger_without_rows_is_empty_and_whole(tmp_path):
+    """As that of a run that was killed before its first row; its files have the keys of the plan."""
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.plan({keyed(0).key: keyed(0).id})
+    for path in cell_files(tmp_path, keyed(0).id, keyed(0).key):
+        path.parent.mkdir()
+        path.write_text("half a cell")
+    assert (verify(tmp_path).rows, verify(tmp_path).is_whole) == (0, True)
+    assert repair(tmp_path).is_whole
+
+
+def older(folder):
+    """A ledger as stlbench wrote it before it listed the rows that it has recorded."""
+    with sqlite3.connect(folder / FILE) as database:
+        database.execute("DROP TABLE recorded")
+        database.execute("PRAGMA user_version = 5")
+    database.close()
+
+
+def test_an_older_ledger_is_read_and_lists_its_rows_when_it_is_written(folder):
+    older(folder)
+    before = (folder / FILE).read_bytes()
+    assert (verify(folder).rows, verify(folder).is_whole) == (3, True)
+    assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
+    assert (folder / FILE).read_bytes() == before
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(keyed(3))
+    deleted(folder, "seed IN (1, 3)")
+    assert [damage.cell.seed for damage in verify(folder).damages] == [1, 3]
+
+
+def test_a_list_of_rows_that_is_gone_is_damage(folder):
+    with sqlite3.connect(folder / FILE) as database:
+        database.execute("DROP TABLE recorded")
+    database.close()
+    assert verify(folder).structure == ("it does not list the rows that were recorded",)
+    repair(folder)
+    assert (verify(folder).rows, verify(folder).is_whole) == (3, True)
 
 
 def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folder):
@@ -125,7 +196,7 @@ def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, scripted):
 def test_a_ledger_with_a_damaged_structure_is_written_anew_with_all_that_can_be_read(tmp_path):
     entries = [keyed(seed) for seed in range(60)]
     with Ledger(tmp_path / FILE) as ledger:
-        ledger.plan({entry.key: entry.id for entry in entries})
+        ledger.plan({entry.key: entry.id for entry in entries[::2]})
         for entry in entries:
             ledger.record(replace(entry, status="killed", measurement=None) if entry.id.seed == 59 else entry)
     database = sqlite3.connect(tmp_path / FILE)
