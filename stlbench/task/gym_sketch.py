@@ -136,9 +136,9 @@ def _samples(identifier: str, env: Gym, entries: Entries) -> _Samples:
     observed = Observed(env.observation_space, entries, {})
     try:
         played = [(entries.read(each, 1)[0], observed.flat(each), t) for each, _, t in _played(env, _limit(identifier))]
+        left = observed.beyond(observed.scaled(np.array([flat for _, flat, _ in played])))
     except Exception as error:  # it is code of others
         raise _unplayable(identifier, error) from error
-    left = observed.beyond(observed.scaled(np.array([flat for _, flat, _ in played])))
     rule = f"its range is by what {_EPISODES} episodes of random actions show; check it"
     for row, _, said in left:
         problem = outside_space(said, f"at step {played[row][2]}")

@@ -143,7 +143,7 @@ def test_the_first_line_of_a_task_file_names_the_schema_beside_it(made: Path, tm
 def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
     new("task", "zz-made", "--into", tmp_path, "--environment", "Hopper-v5")
     text = (tmp_path / "zz-made" / "task.yaml").read_text()
-    assert text.splitlines()[1].startswith("# The environment gives some entries no ends. Twenty episodes of random")
+    assert text.splitlines()[1].startswith("# The environment gives some entries no ends, or leaves them. Twenty")
     content = yaml.safe_load(text)
     scale, signals = content["environment"]["scale"], content["signals"]
     assert list(scale) == list(signals)
