@@ -11,12 +11,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from stlbench.statistics import across, sampled
+from stlbench.statistics.across import Estimate
 from stlbench.statistics.intervals import mean_interval, median_interval
 
 Array = NDArray[np.float64]
@@ -89,22 +91,73 @@ def over_tasks(repetitions: int) -> Iterator[str]:
         yield f"IQM over {TASKS} tasks, {family}: {', '.join(f'{100 * share:.1f}' for share in shares)} %"
 
 
-DRAWN: dict[str, tuple[float, Callable[[np.random.Generator, int, int], Array]]] = {
-    "normal": (0.0, lambda make, tasks, seeds: make.normal(size=(tasks, 1)) + make.normal(size=(tasks, seeds))),
-    "seeds alone": (0.0, lambda make, tasks, seeds: make.normal(size=(tasks, seeds))),
-    "skewed": (-1.0, lambda make, tasks, seeds: -make.exponential(size=(tasks, 1)) + 0 * make.normal(size=(1, seeds))),
-    "learned": (0.6, lambda make, tasks, seeds: make.random((tasks, seeds)) < make.beta(0.6, 0.4, (tasks, 1))),
-}
-"""Name -> the true mean over all tasks, and values (tasks, seeds) of a sample of tasks.
+Sample = Callable[[np.random.Generator, int, int], Array]
 
-Tasks differ as much as seeds do; seeds alone differ; tasks alone differ; and seeds learn, or not."""
+
+class Drawn(NamedTuple):
+    """What is estimated of tasks that a suite draws: its true value, and values (..., tasks, seeds) of a sample."""
+
+    estimate: Callable[[Array], Estimate]
+    true: float
+    sample: Sample
+
+
+def _score(true: float, sample: Sample) -> Drawn:
+    return Drawn(lambda runs: sampled.mean(list(runs)), true, sample)
+
+
+def _jumps(height: float) -> Drawn:
+    """Scores of .3 with little scatter; on a twentieth of the tasks they are higher by the height."""
+
+    def sample(make: np.random.Generator, tasks: int, seeds: int) -> Array:
+        return 0.3 + height * (make.random((tasks, 1)) < 0.05) + make.normal(0, 0.02, (tasks, seeds))
+
+    return _score(0.3 + 0.05 * height, sample)
+
+
+def _share(true: float, alike: bool = False) -> Drawn:
+    """Seeds that learned: tasks are all as hard, or most of them are learned by all seeds or by none."""
+
+    def sample(make: np.random.Generator, tasks: int, seeds: int) -> Array:
+        return make.random((tasks, seeds)) < (true if alike else make.beta(true, 1 - true, (tasks, 1)))
+
+    return Drawn(lambda runs: sampled.share(runs.tolist()), true, sample)
+
+
+def _difference(one: float, other: float) -> Drawn:
+    """Seeds of two methods that learned such shares. What is hard for the one is hard for the other."""
+    hard = stats.norm.isf([one, other]).reshape(2, 1, 1)
+
+    def sample(make: np.random.Generator, tasks: int, seeds: int) -> Array:
+        both, own, seed = (make.normal(size=size) for size in ((tasks, 1), (2, tasks, 1), (2, tasks, seeds)))
+        return 0.8 * both + 0.45 * own + (1 - 0.8**2 - 0.45**2) ** 0.5 * seed > hard
+
+    return Drawn(lambda runs: sampled.share_difference(*runs.tolist()), one - other, sample)
+
+
+DRAWN: dict[str, Drawn] = {
+    "score, normal": _score(
+        0.0, lambda make, tasks, seeds: make.normal(size=(tasks, 1)) + make.normal(size=(tasks, seeds))
+    ),
+    "score, seeds alone": _score(0.0, lambda make, tasks, seeds: make.normal(size=(tasks, seeds))),
+    "score, skewed": _score(-1.0, lambda make, tasks, seeds: -make.exponential(size=(tasks, 1)) * np.ones(seeds)),
+    "score, rare rise": _jumps(0.7),
+    "score, rare fall": _jumps(-0.7),
+    **{f"share {true:g}": _share(true) for true in (0.03, 0.05, 0.1, 0.2, 0.6)},
+    **{f"share {true:g}, tasks alike": _share(true, alike=True) for true in (0.1, 0.5)},
+    **{
+        f"shares {one:g} less {other:g}": _difference(one, other)
+        for one, other in ((0.05, 0.05), (0.05, 0.0), (0.1, 0.02), (0.2, 0.1), (0.5, 0.5), (0.6, 0.4), (0.9, 0.5))
+    },
+}
+"""Name -> what is drawn. Of scores tasks differ as much as seeds do; seeds alone differ; tasks alone differ."""
 
 
 def drawn_coverage(family: str, tasks: int, seeds: int, repetitions: int) -> float:
-    """How often the hierarchical bootstrap covers the mean over all tasks, where a suite drew so many."""
-    (true, draw), make, covered = DRAWN[family], np.random.default_rng(7), 0
+    """How often the interval covers the mean over all tasks, where a suite drew so many."""
+    (estimate, true, sample), make, covered = DRAWN[family], np.random.default_rng(7), 0
     for _ in range(repetitions):
-        ends = sampled.mean(list(draw(make, tasks, seeds).astype(np.float64))).interval
+        ends = estimate(sample(make, tasks, seeds).astype(np.float64)).interval
         covered += ends is not None and ends.low <= true <= ends.high
     return covered / repetitions
 
@@ -112,9 +165,9 @@ def drawn_coverage(family: str, tasks: int, seeds: int, repetitions: int) -> flo
 def over_drawn_tasks(repetitions: int) -> Iterator[str]:
     """One line per family and number of tasks: with one and with two seeds."""
     for family in DRAWN:
-        for tasks in (sampled.FEWEST, 12, 24):
+        for tasks in (sampled.FEWEST, 12, 24, 100):
             shares = (drawn_coverage(family, tasks, seeds, repetitions // 4) for seeds in (1, 2))
-            yield f"mean over {tasks} drawn tasks, {family}: {', '.join(f'{100 * each:.1f}' for each in shares)} %"
+            yield f"{tasks} drawn tasks, {family}: {', '.join(f'{100 * each:.1f}' for each in shares)} %"
 
 
 if __name__ == "__main__":

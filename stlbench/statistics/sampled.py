@@ -1,19 +1,24 @@
-"""Means over tasks that are a sample, such as those that a suite draws: a hierarchical bootstrap.
+"""Means over tasks that are a sample, such as those that a suite draws.
 
-A resample draws tasks, and then seeds of each task that it drew. So intervals are for all tasks of this kind, and not
-for these tasks alone as in `across`. `studies/interval_coverage.py` measures their coverage.
+Intervals are for all tasks of this kind, and not for these tasks alone as in `across`. Those of scores come from a
+hierarchical bootstrap: a resample draws tasks, and then seeds of each task that it drew. Resamples do not hold what no
+task of the sample shows, such as rare learning. So shares of seeds, which have bounds, have intervals that need no
+resamples. `studies/interval_coverage.py` measures the coverage of all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.statistics.across import Array, Estimate, Runs
-from stlbench.statistics.intervals import LEVEL, Interval, share_interval
+from stlbench.statistics.intervals import LEVEL, Interval, mean_interval, share_interval
 
+Shares = Sequence[Sequence[bool]]
+"""For each task, whether each seed succeeded."""
 FEWEST = 8
 """Tasks of an interval, at least."""
 RESAMPLES = 4999
@@ -25,16 +30,25 @@ def mean(runs: Runs) -> Estimate:
     return _estimate(values, lambda chosen, generator: _means(runs, chosen, generator))
 
 
-def share(runs: Sequence[Sequence[bool]]) -> Estimate:
+def share(runs: Shares) -> Estimate:
     """The share of seeds that succeed, mean over the tasks, in [0, 1].
 
-    Where all seeds succeed, or none, resamples cannot differ. The exact interval of as many trials as there are tasks
-    stands in.
+    The interval is that of as many trials as there are tasks, since a task's share varies no more than one seed.
     """
-    found = mean([np.array(seeds, dtype=np.float64) for seeds in runs])
-    if found.interval is None or found.value not in (0.0, 1.0):
-        return found
-    return Estimate(found.value, share_interval(round(found.value) * len(runs), len(runs)))
+    shares = [float(np.mean(seeds)) for seeds in runs]
+    ends = share_interval(fsum(shares), len(shares)) if len(shares) >= FEWEST else None
+    return Estimate(float(np.mean(shares)), ends)
+
+
+def share_difference(one: Shares, other: Shares) -> Estimate:
+    """How much greater the one's share of seeds that succeed is, mean over the tasks, in [-1, 1].
+
+    The interval is Student's, with two more tasks, of which each method wins one (as Agresti and Min 2005 do for pairs
+    of shares). So it has a width also where no task tells the methods apart.
+    """
+    values = [float(np.mean(first)) - float(np.mean(second)) for first, second in zip(one, other, strict=True)]
+    ends = mean_interval([*values, 1.0, -1.0]) if len(values) >= FEWEST else None
+    return Estimate(float(np.mean(values)), ends and Interval(max(ends.low, -1.0), min(ends.high, 1.0)))
 
 
 def difference(one: Runs, other: Runs) -> Estimate:
