@@ -26,7 +26,6 @@ VALUES = 2**25  # each takes about 60 bytes as text; a row counts as one more
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 _DECLARED = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 """The first line in which Excel says by what values are separated."""
-_UNIT = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
 
 
 @dataclass(frozen=True)
@@ -66,9 +65,12 @@ class TraceTable:
         """One column as numbers. Raises `UsageError` where a value is no finite number, or no float keeps it."""
         place, values = self.columns[name], []
         for number, row in enumerate(self.rows, 2):
-            values.append(value := self.number(number, place))
-            if abs(value) >= EXACT and _is_rounded(row[place], value):
-                raise UsageError(f"{self._at(number, place)}: {row[place]} {NO_FLOAT}")
+            value = number_of(row[place])
+            if value is None or not abs(value) < EXACT:
+                value = self.number(number, place)
+                if _is_rounded(row[place], value):
+                    raise UsageError(f"{self._at(number, place)}: {row[place]} {NO_FLOAT}")
+            values.append(value)
         return values
 
     def number(self, number: int, place: int) -> float:
@@ -149,9 +151,9 @@ def _problems(table: TraceTable) -> Iterator[str]:
 
 def split_unit(title: str) -> tuple[str, str | None]:
     """A title without the unit in brackets at its end, and the unit: `x [m/s]` is x, m/s."""
-    for match in _UNIT.finditer(title):
-        if match.start() > 0 and match.end() == len(title):
-            return title[: match.start()], match[1] if match[2] is None else match[2]
+    for opening, closing in ("[]", "()"):
+        if title.endswith(closing) and (begin := title.rfind(opening)) > 0:
+            return title[:begin].rstrip(), title[begin + 1 : -1].strip()
     return title, None
 
 

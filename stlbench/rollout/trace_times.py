@@ -52,7 +52,10 @@ class Times:
             self.table.number(number, self.place)
         texts = [row[self.place] for row in self.table.rows]
         first = Decimal(texts[0])  # floats would round stamps in nanoseconds
-        return np.array([float(Decimal(text) - first) for text in texts]) * self.unit
+        seconds = np.array([float(Decimal(text) - first) for text in texts]) * self.unit
+        if not np.isfinite(seconds).all():
+            raise UsageError(f"{self.table.source}: the times of the column '{self.title}' are too far apart")
+        return seconds
 
     def check(self, dt: float) -> None:
         """Raises `UsageError` unless there is a row every `dt` seconds, to a tenth of it."""
@@ -100,7 +103,7 @@ def times_of(table: TraceTable, signals: Collection[str] = ()) -> Times | None:
     """The first column of a table with times; None where there is none, or only one of the `signals`."""
     for name, place in table.columns.items():
         unit, match = split_unit(table.titles[place])[1], _NAME.fullmatch(name)
-        if match and name not in signals and (seconds := _SECONDS.get((unit or match[2] or "s").strip().lower())):
+        if match and name not in signals and (seconds := _SECONDS.get((unit or match[2] or "s").lower())):
             return Times(table, place, seconds)
     return None
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, Rule, line
 
+from stlbench.records import npz
 from stlbench.records.result import MAIN
 from stlbench.records.saved_traces import save
 from stlbench.rollout.referee import Referee
@@ -124,20 +125,119 @@ def test_columns_that_no_formula_uses_may_hold_anything(say):
     assert (done.exit_code, done.stderr) == (2, "error: trace.csv: row 3, column 1 (x): '' is no finite number\n")
 
 
-def test_the_time_column_is_checked_against_dt(say):
-    Path("trace.csv").write_text("time,x\n5.00,1\n5.33,2\n5.67,3\n")
+@pytest.mark.parametrize("title", ["time", "Time", "t", "timestamp", "time (s)", "Time [s]", "t_s", "stamp"])
+def test_the_column_of_time_is_checked_against_dt(say, title):
+    Path("trace.csv").write_text(f"{title},x\n5.00,1\n5.33,2\n5.67,3\n")
     assert say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0.33333").exit_code == 0
     done = say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0.1")
-    rule = "row 3 has time 5.33, 5.1 is expected with a sampling time of 0.1 s; rows are one sampling time apart"
+    rule = f"row 3 has {title} 5.33, 5.1 is expected with a sampling time of 0.1 s; rows are one sampling time apart"
     assert (done.exit_code, done.stderr) == (2, f"error: trace.csv: {rule}\n")
-    assert say("monitor", "x > 0", "trace.csv").exit_code == 0  # intervals in rows: no rule about times
+    done = say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0")
+    assert "must be positive, got 0" in done.stderr
 
 
-def test_times_that_are_no_numbers_are_not_checked_and_said_so(say):
+@pytest.mark.parametrize(("title", "factor"), [("time", 1), ("timestamp [ns]", 10**9), ("t (ms)", 1000)])
+def test_the_column_of_time_gives_the_sampling_time(say, title, factor):
+    """x falls below 0 at .3 s, which is row 3."""
+    rows = [f"{1_700_000_000 * factor + step * factor // 10},{value}" for step, value in enumerate([1, 1, 1, -2, 1])]
+    if factor == 1:
+        rows = [f"{step / 10},{value}" for step, value in enumerate([1, 1, 1, -2, 1])]
+    Path("trace.csv").write_text(f"{title},x\n" + "\n".join(rows))
+    for formula, robustness in (("G[0,0.2] x >= 0", 1), ("G[0,0.3] x >= 0", -2), ("F[0.3,0.3] x >= 0", -2)):
+        assert judged(say, formula, "trace.csv") == [robustness]
+        assert judged(say, formula, "trace.csv", "--dt", "0.1") == [robustness]
+    done = say("monitor", "G[0,0.2] x >= 0", "trace.csv")
+    how = f"rows are 0.1 s apart by the column '{title}'; with --rows they count rows"
+    assert done.stderr == f"warning: intervals are in seconds, as trace.csv has times: {how}\n"
+    done = say("monitor", "G[0,3] x >= 0", "trace.csv")
+    assert done.exit_code == 2
+    assert "needs 31 rows, the trace has 5" in done.stderr
+    done = say("monitor", "G[0,2] x >= 0", "trace.csv", "--rows", "--json")
+    assert (json.loads(done.stdout)[0]["robustness"], done.stderr) == (1, "")
+    done = say("monitor", "G x >= 0", "trace.csv")
+    assert (done.exit_code, done.stderr) == (0, "")
+
+
+def test_rows_a_second_apart_need_no_word(say):
+    Path("trace.csv").write_text("time,x\n0,1\n1,-1\n")
+    done = say("monitor", "G[0,1] x >= 0", "trace.csv")
+    assert (done.exit_code, done.stderr) == (0, "")
+
+
+def test_times_that_fall_stay_or_are_uneven(say):
+    for times, rule in (
+        ("0 1 0.5", "row 4 has t 0.5, and the row before has 1; time must rise"),
+        ("0 1 1", "row 4 has t 1, and the row before has 1; time must rise"),
+        ("0 1 2 4 5", "row 5 has t 4, 2 s after the row before; rows must be one distance apart, and most are 1 s"),
+    ):
+        Path("trace.csv").write_text("t,x\n" + "".join(f"{time},1\n" for time in times.split()))
+        done = say("monitor", "F[0,1] x > 0", "trace.csv")
+        assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"error: trace.csv: {rule}\n")
+        assert say("monitor", "F[0,1] x > 0", "trace.csv", "--rows").exit_code == 0
+        done = say("monitor", "F x > 0", "trace.csv")  # without an interval uneven rows do no harm
+        assert done.exit_code == (0 if "after the row" in rule else 2)
+
+
+def test_seconds_that_are_no_step_are_not_read_as_none(say):
+    """Stamps in nanoseconds whose title does not say so: 5 is a millionth of a step."""
+    Path("trace.csv").write_text("t,x\n0,1\n10000000,-1\n20000000,1\n")
+    done = say("monitor", "G[0,5] x >= 0", "trace.csv")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "rows are 1e+07 s apart by the column 't'" in done.stderr
+    assert "expected a whole number of steps of dt=1e+07 seconds but found 5 seconds = 5e-7 steps" in done.stderr
+
+
+def test_rows_and_dt_together_are_refused(say, trace):
+    done = say("monitor", "x > 0", trace, "--rows", "--dt", "1")
+    assert done.stderr == "error: --rows lets intervals count rows, and --dt seconds; give one of them\n"
+
+
+def test_times_that_are_no_numbers(say):
     Path("trace.csv").write_text("time,x\n12:00,1\n12:01,2\n")
     done = say("monitor", "F[0,60] x >= 2", "trace.csv", "--dt", "60")
     assert done.exit_code == 0
-    assert done.stderr == "warning: the column 'time' of trace.csv is not in numbers; --dt is not checked against it\n"
+    said = "the column 'time' of trace.csv is not in numbers"
+    assert done.stderr == f"warning: {said}; --dt is not checked against it\n"
+    done = say("monitor", "F[0,60] x >= 2", "trace.csv")
+    rule = "name the sampling time, --dt SECONDS, or let intervals count rows, --rows"
+    assert (done.exit_code, done.stderr) == (2, f"error: {said}; {rule}\n")
+    assert judged(say, "F[0,1] x >= 2", "trace.csv", "--rows") == judged(say, "F x >= 2", "trace.csv") == [0]
+
+
+def test_whole_numbers_that_no_float_is(say):
+    Path("trace.csv").write_text("recv,sent,x\n1700000000000010100,1700000000000010000,1\n")
+    done = say("monitor", "G recv - sent <= 50", "trace.csv")
+    rule = "row 2, column 1 (recv): 1700000000000010100 is no float: above 2**53 not all whole numbers are. "
+    remedy = "Subtract the first value from all, or take a larger unit"
+    assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"error: trace.csv: {rule}{remedy}\n")
+    assert judged(say, "G x >= 0", "trace.csv") == [1]
+    saved(traces=np.array([[[2**53 + 1, 5]] * 3]), signals=np.array(["x", "y"]))
+    done = say("monitor", "G x >= 0", "cell.npz")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert "signal 'x' is 9007199254740993 at sample 0 of trace 0, which is no float" in done.stderr
+    assert judged(say, "G y >= 0", "cell.npz") == [5]
+
+
+def test_an_npz_of_texts_is_refused(say):
+    saved(traces=np.array([[["3"], ["4"]]]))
+    done = say("monitor", "G x >= 0", "cell.npz")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "samples are numbers; a sample of signal 'x' is str '3'" in done.stderr
+
+
+def test_small_files_that_hold_much(say, monkeypatch):
+    """Numbers of a byte count as the floats that they become."""
+    monkeypatch.setattr(npz, "LARGEST", 2**22)
+    for dtype, count in ((np.int8, 2**20), (np.float64, 2**20), (np.bool_, 2**20)):
+        np.savez_compressed("cell.npz", traces=np.zeros((1, count, 1), dtype), signals=np.array(["x"]))
+        done = say("monitor", "G x >= 0", "cell.npz")
+        assert done.exit_code == 2
+        assert "its arrays would take 8 MiB, at most 4 are read" in done.stderr
+    np.savez_compressed("cell.npz", traces=np.zeros((1, 2**19 - 100, 1), np.int8), signals=np.array(["x"]))
+    assert judged(say, "G x >= 0", "cell.npz") == [0]
+    np.save("array.npy", np.zeros((1, 3, 1)))
+    done = say("monitor", "G x >= 0", Path("array.npy").rename("array.npz"))
+    assert "array.npz as traces of stlbench: ValueError: it is no file of arrays (.npz)" in done.stderr
 
 
 def test_standard_input(say):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,20 @@ def test_a_table_that_is_short_or_ends_with_nan(tmp_path: Path, terminated: str,
     (tmp_path / "t.csv").write_text(text)
     task = ending(terminated)
     assert np.array_equal(load_traces(tmp_path / "t.csv", task).traces, assessed(task).traces[:1], equal_nan=True)
+
+
+@pytest.mark.parametrize("title", ["time", "Time (s)", "t_ms", "timestamp [ns]"])
+def test_a_table_as_programs_write_it(tmp_path: Path, title: str) -> None:
+    """Compressed, with the index of pandas, units, and times in another unit, which are checked."""
+    factor = {"t_ms": 1000, "timestamp [ns]": 10**9}.get(title, 1)
+    text = f",{title},/robot/y,x [m]\n" + "".join(f"{i},{int(i * factor / 2) or i / 2},a,{i / 2}\n" for i in range(3))
+    (tmp_path / "t.csv.gz").write_bytes(gzip.compress(text.encode()))
+    task = ending("hold")
+    loaded = load_traces(find_source(str(tmp_path / "t.csv.gz")).path, task)
+    assert np.array_equal(loaded.traces, assessed(task).traces[:1])
+    (tmp_path / "t.csv").write_text(text.replace("\n1,", "\n1,1"))
+    with pytest.raises(UsageError, match=r"row 3 has .*, .* is expected with a sampling time of 0.5 s"):
+        load_traces(tmp_path / "t.csv", task)
 
 
 def traces_of(path: Path, samples: Array) -> Path:

@@ -159,7 +159,8 @@ class TokenStream:
         except DecimalException:  # an exponent of twenty digits
             self.fail("a number of at least 1e-300, or 0", token.shown, token.position)
         whole = int(steps.to_integral_value())
-        if steps != whole if self.dt is None else abs(steps - whole) > _ROUNDING:  # a difference would be rounded
+        may_round = self.dt is not None and whole > 0  # the difference is no more exact
+        if steps != whole and not (may_round and abs(steps - whole) <= _ROUNDING):
             rule = "a whole number of steps" + (f" of dt={self.dt:g} seconds" if self.dt else "")
             hint = f"{token.text} seconds = {steps:.12g} steps" if self.dt else f"{token.text!r} (give dt for seconds)"
             self.fail(rule, hint, token.position)
