@@ -168,7 +168,9 @@ def test_alignment() -> None:
         plan(agent="planner[resolution=2]", robustness=(2 / 7,)),
         plan(value=1.0, agent="best", maximised="formula", robustness=(2 / 3, 4 / 7)),
     ]
-    assert shown(alignment_table(align(condense([*RESULTS, *plans]), {})), 1) == {
+    table = alignment_table(align(condense([*RESULTS, *plans]), {}))
+    assert table.rows[1][-1] == "resolutions differ by 0.0635, more than 5 % of the best known"
+    assert shown(table, 1) == {
         "best known": "0.619",
         "reward optimal": "0.222",
         "satisfied": "0.67",
