@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -43,16 +43,32 @@ def drawn(fields: Iterable[Field]) -> list[Field]:
     return [field for field in first.values() if field.groups]
 
 
+class Reached(NamedTuple):
+    """What a method reached on some tasks of a part, or how much more than another method."""
+
+    tasks: int
+    learned: Estimate  # shares of seeds in [0, 1], or their difference
+    score: Estimate
+
+
 class Line(NamedTuple):
-    """A row of either table: over the tasks of a part that the method fits, or that both methods fit."""
+    """A row of either table."""
 
     field: Field
     part: Part
     method: str
     other: str  # empty in the table of groups
-    tasks: int  # how many these are
-    learned: Estimate  # shares of seeds in [0, 1], or their difference
-    score: Estimate
+    common: Reached | None  # on the tasks of `common`; None where the method does not fit them all, or there are none
+    fitted: Reached  # on the tasks that the method fits, or that both methods fit
+
+
+def common(fits: Iterable[Collection[int]], tasks: int) -> set[int]:
+    """The tasks on which methods are compared: those common to all methods that fit at least half of so many tasks.
+
+    Shares over different tasks say nothing of methods. A method that fits few tasks would leave few in common.
+    """
+    many = [set(own) for own in fits if len(own) >= tasks / 2]
+    return set.intersection(*many) if many else set()
 
 
 _Columns = dict[Column, Callable[[Line], Value]]
@@ -65,31 +81,50 @@ _WHERE: _Columns = {
 }
 _OTHER: _Columns = {Column("other", right=False): lambda line: line.other}
 _INTERVALS = (
-    "Tasks count as a sample of what the suite draws. Intervals: hierarchical bootstrap, which draws tasks and then "
-    f"seeds; each is for itself at 95 %. Groups with fewer than {sampled.FEWEST} tasks have none."
+    "Tasks count as a sample of what the suite draws. Intervals at 95 %, each for itself: of shares for a number of "
+    "trials (as Clopper and Pearson 1934), of their differences Student's with a task more that each method wins, of "
+    "scores a hierarchical bootstrap, which draws tasks and then seeds. This is too narrow where few tasks have "
+    f"another score than most. Groups with fewer than {sampled.FEWEST} tasks have none."
 )
+_Of = Callable[[Line], Reached | None]
 
 
-def _numbers(fits: str, learned: str, score: str) -> _Columns:
-    """The last columns, with the titles of a table."""
+def _numbers(of: _Of, tasks: str, learned: str, score: str, where: str = "", drop: int = 0) -> _Columns:
+    """Columns of what was reached, with the titles of a table, and of what has to be said of the tasks."""
+
+    def part(value: Callable[[Reached], Value]) -> Callable[[Line], Value]:
+        return lambda line: None if (found := of(line)) is None else value(found)
+
+    def percent(ends: Interval | None) -> Interval | None:
+        return ends and Interval(100 * ends.low, 100 * ends.high)
+
     return {
-        Column(fits, right=False): lambda line: f"{line.tasks} of {len(line.part.places)}",
-        Column(learned, unit="%", digits=0): lambda line: 100 * line.learned.value,
-        Column("learned 95 % interval", unit="%", digits=0, kind=Interval): (
-            lambda line: (ends := line.learned.interval) and Interval(100 * ends.low, 100 * ends.high)
+        Column(tasks, right=False): lambda line: f"{getattr(of(line), 'tasks', 0)} of {len(line.part.places)}",
+        Column(f"{learned}{where}", unit="%", digits=0, drop=drop): part(lambda found: 100 * found.learned.value),
+        Column(f"learned{where} 95 % interval", unit="%", digits=0, kind=Interval, drop=drop and drop + 1): part(
+            lambda found: percent(found.learned.interval)
         ),
-        Column(score, digits=2): lambda line: line.score.value,
-        Column("score 95 % interval", digits=2, kind=Interval): lambda line: line.score.interval,
+        Column(f"{score}{where}", digits=2, drop=drop): part(lambda found: found.score.value),
+        Column(f"score{where} 95 % interval", digits=2, kind=Interval, drop=drop and drop + 1): part(
+            lambda found: found.score.interval
+        ),
     }
 
 
 def group_lines(field: Field) -> Iterator[Line]:
     """One for each method on all tasks and on each group, of the methods that fit any of its tasks."""
     for part in parts(field):
-        for entry in field.entries:
-            if own := _fitting(part, entry):
-                learned = sampled.share([entry.learned[place] for place in own])
-                yield Line(field, part, entry.method, "", len(own), learned, sampled.mean(_of(entry.scores, own)))
+        fits = {entry: _fitting(part, entry) for entry in field.entries}
+        shared = common(fits.values(), len(part.places))
+        for entry, own in fits.items():
+            if own:
+                compared = _reached(entry, sorted(shared)) if shared and shared <= {*own} else None
+                yield Line(field, part, entry.method, "", compared, _reached(entry, own))
+
+
+def _reached(entry: Entry, places: Sequence[int]) -> Reached:
+    learned = sampled.share([entry.learned[place] for place in places])
+    return Reached(len(places), learned, sampled.mean(_of(entry.scores, places)))
 
 
 def groups_table(fields: Iterable[Field]) -> Table:
@@ -97,30 +132,40 @@ def groups_table(fields: Iterable[Field]) -> Table:
     lines = (line for field in drawn(fields) for line in group_lines(field))
     notes = (
         "Learned: seeds whose policy satisfies from nearly all starts. Score: normalised robustness of the selected "
-        "policies, 0 at random and 1 the best known. Both are means over the tasks that the method fits.",
-        "Fits: coverage, on how many of the group's tasks the method has a result. A method with a low coverage "
-        "may fit the easy tasks.",
+        "policies, 0 at random and 1 the best known. Both are means over tasks.",
+        "Common: methods are compared on the tasks that all methods fit which fit at least half of the group's. A "
+        "method that does not fit all of these has 0 there, and no numbers.",
+        "Fits: coverage, on how many of the group's tasks the method has a result. What follows is over these: it says "
+        "how good the method is there, and does not compare it, since a method may fit the easy tasks.",
         _INTERVALS,
     )
-    return Table.of("Groups of drawn tasks", lines, _WHERE | _numbers("fits", "learned", "score"), notes)
+    columns = {
+        **_WHERE,
+        **_numbers(lambda line: line.common, "common", "learned", "score"),
+        **_numbers(lambda line: line.fitted, "fits", "learned", "score", " of all it fits", drop=1),
+    }
+    return Table.of("Groups of drawn tasks", lines, columns, notes)
 
 
 def pairs_table(fields: Iterable[Field]) -> Table:
     """One row for each two methods on all tasks and on each group, over the tasks that both fit."""
     lines = (
-        Line(
-            *(field, part, one.method, other.method, len(both)),
-            sampled.difference(_of(one.learned, both), _of(other.learned, both)),
-            sampled.difference(_of(one.scores, both), _of(other.scores, both)),
-        )
+        Line(field, part, one.method, other.method, None, _more(one, other, both))
         for field in drawn(fields)
         for part in parts(field)
         for one, other in combinations(field.entries, 2)
         if (both := _fitting(part, one, other))
     )
-    columns = _WHERE | _OTHER | _numbers("both fit", "learned more often", "higher score")
+    columns = _WHERE | _OTHER | _numbers(lambda line: line.fitted, "both fit", "learned more often", "higher score")
     note = "By how much the method has more than the other, mean over the tasks that both fit. "
     return Table.of("Differences on drawn tasks", lines, columns, (note + _INTERVALS,))
+
+
+def _more(one: Entry, other: Entry, places: Sequence[int]) -> Reached:
+    """By how much the one has more."""
+    learned = ([entry.learned[place] for place in places] for entry in (one, other))
+    scores = (_of(entry.scores, places) for entry in (one, other))
+    return Reached(len(places), sampled.share_difference(*learned), sampled.difference(*scores))
 
 
 def _fitting(part: Part, *entries: Entry) -> list[int]:

@@ -114,7 +114,17 @@ def test_groups_of_drawn_tasks_have_a_figure() -> None:
     everything, by_system = figure.axes
     assert [[text.get_text() for text in axes.get_yticklabels()] for axes in figure.axes] == [["all"], ["arm", "pair"]]
     assert [text.get_text() for text in everything.texts] == ["50\n1.00", "50\n0.90"]
+    assert by_system.images[0].get_array().mask.tolist() == [[False, False, True], [False, True, True]]
     assert [text.get_position() for text in by_system.texts] == [(0, 0), (1, 0), (0, 1)]
+
+
+def test_a_method_that_does_not_fit_the_common_tasks_has_its_numbers_in_brackets() -> None:
+    """Of three tasks the second method fits the first alone: it is not compared."""
+    first, second = drawn(2, 3).entries
+    few = Entry(second.method, (second.scores[0], (), ()), "", learned=(second.learned[0], (), ()))
+    (axes, _) = groups(Field("quick", "auto", ("a", "b", "c"), "all", (first, few), ({"system": "arm"},) * 3)).axes
+    assert [text.get_text() for text in axes.texts] == ["50\n1.00", "(50)\n(0.90)"]
+    assert axes.images[0].get_array().mask.tolist() == [[False, True]]
 
 
 def test_methods_that_are_nearer_than_the_critical_difference_have_a_bar():

@@ -8,7 +8,7 @@ from helpers.synthetic_results import result, score
 from stlbench.report import Report, condense
 from stlbench.report.tables.across import fields
 from stlbench.report.tables.controllers import Known
-from stlbench.report.tables.sampled import groups_table, pairs_table
+from stlbench.report.tables.sampled import common, groups_table, pairs_table
 from stlbench.rollout.standards import Standard
 
 TASKS = {f"{system}-{form}": {"system": system, "template": form} for system in ("arm", "car") for form in "abcde"}
@@ -34,13 +34,46 @@ def rows(table):
 
 
 def test_each_group_has_its_tasks():
+    """The common tasks come first; then those that the method fits."""
     found = rows(groups_table(fields(condense(RESULTS), Known(STANDARDS))))
-    fits, learned, _, value, _ = found["all", "bad"]
-    assert (fits, learned, value) == ("9 of 10", 50.0, pytest.approx(0.5))
-    assert found["d", "bad"] == ("1 of 2", 50.0, None, pytest.approx(0.5), None)
-    assert found["car", "good"] == ("5 of 5", 100.0, None, pytest.approx(0.75), None)
+    shared, learned, _, value, _, fits, own_learned, _, own_value, _ = found["all", "good"]
+    assert (shared, learned, value) == ("9 of 10", 100.0, pytest.approx(0.75))
+    assert (fits, own_learned, own_value) == ("10 of 10", 100.0, pytest.approx(0.75))
+    assert found["all", "bad"][:2] == ("9 of 10", 50.0)
+    assert found["d", "bad"][:5] == ("1 of 2", 50.0, None, pytest.approx(0.5), None)
+    assert found["d", "good"][5] == "2 of 2"
+    assert found["car", "good"][:5] == ("4 of 5", 100.0, None, pytest.approx(0.75), None)
     assert found["all", "good"][2].low < 100 == found["all", "good"][2].high
     assert {group for group, _ in found} == {"all", "arm", "car", *"abcde"}
+
+
+def test_shares_are_compared_on_the_tasks_that_all_methods_fit():
+    """One method learns the easy tasks alone that the other fits; on these they are as good."""
+    easy = [task for task in TASKS if task[-1] in "abc"]
+    broad = [result("broad", 0, task=task, robustness=(0.5 if task in easy else -0.5,)) for task in TASKS]
+    narrow = [
+        result("narrow", 0, task=task, robustness=(0.5,))
+        if task in easy
+        else result("narrow", 0, "intractable", task=task, reason="too many")
+        for task in TASKS
+    ]
+    found = rows(groups_table(fields(condense(broad + narrow), Known(STANDARDS))))
+    assert [found["all", method][:2] for method in ("broad", "narrow")] == [("6 of 10", 100.0)] * 2
+    assert [found["all", method][5:7] for method in ("broad", "narrow")] == [("10 of 10", 60.0), ("6 of 10", 100.0)]
+
+
+def test_methods_that_fit_less_than_half_leave_the_common_tasks_alone():
+    assert common([{0, 1, 2, 3}, {1, 2}, {3}], 4) == {1, 2}
+    assert common([{0}, set()], 4) == set()
+    few = [
+        result("few", 0, task=task, robustness=(0.5,))
+        if task == "arm-a"
+        else result("few", 0, "intractable", task=task, reason="too many")
+        for task in TASKS
+    ]
+    found = rows(groups_table(fields(condense([*RESULTS, *few]), Known(STANDARDS))))
+    assert found["all", "good"][0] == "9 of 10"
+    assert found["all", "few"][:7] == ("0 of 10", None, None, None, None, "1 of 10", 100.0)
 
 
 def test_two_methods_are_compared_on_tasks_that_both_fit():
