@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test test-all quick lint types imports unit coverage lowest docs gate bench soak reproduce clean
+.PHONY: run test test-all quick lint types imports unit coverage lowest audit docs gate bench soak reproduce clean
 
 ## Compare funnel and flag on the task reach-stay; tables on screen and under results/.
 run: $(VENV)/ready
@@ -48,6 +48,14 @@ lowest: | $(VENV)-lowest/bin
 	$(LOW)/bin/uv pip install --quiet --python $(LOW)/bin/python --resolution lowest-direct -e '.[dev]'
 	$(LOW)/bin/python -m pytest -q -n auto --dist loadfile
 
+## Known holes in what is pinned, and in the lowest versions that pyproject.toml allows. Databases are asked for them.
+audit: AUDIT := $(VENV)-audit
+audit: | $(VENV)-audit/bin
+	$(AUDIT)/bin/python -m pip install --quiet pip-audit uv
+	$(AUDIT)/bin/uv pip compile --quiet --resolution lowest-direct --extra dev pyproject.toml -o $(AUDIT)/lowest.txt
+	$(AUDIT)/bin/pip-audit --no-deps --disable-pip -r constraints.txt
+	$(AUDIT)/bin/pip-audit --no-deps --disable-pip -r $(AUDIT)/lowest.txt
+
 docs: $(VENV)/ready-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
@@ -78,9 +86,9 @@ reproduce:
 	@VENV=$(VENV) $(PYTHON) studies/reproduce.py $(TABLE)
 
 clean:
-	rm -rf $(VENV) $(VENV)-lowest site dist build
+	rm -rf $(VENV) $(VENV)-lowest $(VENV)-audit site dist build
 
-$(VENV)/bin $(VENV)-lowest/bin:
+$(VENV)/bin $(VENV)-lowest/bin $(VENV)-audit/bin:
 	@command -v $(PYTHON) > /dev/null || \
 	  { echo "no $(PYTHON) here; stlbench needs Python 3.11 or later: make PYTHON=python3.12 ..."; exit 2; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -92,7 +92,7 @@ def test_the_jobs_that_use_the_action_have_the_history_of_the_base() -> None:
         job["steps"] for job in jobs.values() if any("actions/gate" in step.get("uses", "") for step in job["steps"])
     ]
     assert uses
-    assert all({"fetch-depth": 0} in [step.get("with") for step in steps] for steps in uses)
+    assert all(any(step.get("with", {}).get("fetch-depth") == 0 for step in steps) for steps in uses)
 
 
 COMMENT = {"GITHUB_REPOSITORY": "one/two", "NUMBER": "7", "RESULTS": "out"}
