@@ -12,11 +12,12 @@ import numpy as np
 from numpy.lib.format import MAGIC_PREFIX, read_array_header_1_0, read_array_header_2_0, read_magic
 from numpy.typing import NDArray
 
-from stlbench.errors import cause
+from stlbench.errors import UsageError, cause
 from stlbench.records.inputs import to_read
 from stlbench.records.outputs import opened
 
 LARGEST = 2**31  # bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros
+_NO_ARRAYS = "it is no file of arrays (.npz), or has objects in it"
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -39,15 +40,17 @@ def read(path: Path, prefix: str = "", folder: Path | None = None) -> dict[str, 
     try:
         with path.open("rb") if folder is None else to_read(path, folder) as file:
             if not zipfile.is_zipfile(file):  # NumPy would read it as a whole, whatever it is
-                raise ValueError("it is no file of arrays (.npz)")
+                raise UsageError(_NO_ARRAYS)
             if (size := size_as_floats(file)) > LARGEST:
-                raise ValueError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
+                raise UsageError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
             file.seek(0)
             with np.load(file) as saved:
                 arrays = {name: saved[name] for name in saved.files if name.startswith(prefix)}
+    except UsageError:
+        raise
     except Exception as error:  # damage lets zipfile and NumPy raise nearly anything, even a tokenize.TokenError
         pickled = "pickle" in str(error)  # NumPy takes what it does not know for one
-        message = "it is no file of arrays (.npz), or has objects in it" if pickled else cause(error)[:200]
+        message = _NO_ARRAYS if pickled else cause(error)[:200]
         raise ValueError(message) from error
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray):  # bytes, where NumPy does not know the beginning

@@ -32,6 +32,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("x/model.zip", "sb3", "model"),
         ("_.csv", "traces", "policy"),
         ("t.npz", "traces", "t"),
+        ("t.csv.gz", "traces", "t-csv"),
     ],
 )
 def test_what_a_text_names(here: Path, text: str, kind: str, name: str) -> None:

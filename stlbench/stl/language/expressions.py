@@ -123,7 +123,10 @@ class Number(Constant):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "value", float(self.value))
+        given = self.value
+        object.__setattr__(self, "value", float(given))
+        if isinstance(given, int) and given != self.value:
+            raise ValueError(f"a Number is a float, as all whole numbers up to 2**53 are; {given} is none")
         if not math.isfinite(self.value) or math.copysign(1.0, self.value) < 0:
             raise ValueError(f"a Number is finite and at least 0, got {self.value}; write Negative(Number(...))")
 
