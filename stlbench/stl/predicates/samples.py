@@ -33,6 +33,8 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
         TypeError: text, complex numbers, dates, or a masked array, whose mask NumPy would drop.
         ValueError: a table lacks a column, or a whole number that is read would be rounded to a float.
     """
+    if type(values) is np.ndarray and values.dtype.kind == "f":
+        return values
     masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
     several = isinstance(values, list | tuple)
     parts: Any = values if several else [values]
