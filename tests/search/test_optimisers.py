@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from stlbench.search.optimisers import side_by_side
+from stlbench.search.optimisers import _parts, side_by_side
 
 
 def asking(own: int, times: int, heard: dict[int, list[float]]) -> Callable[[Any], None]:
@@ -56,3 +58,12 @@ def test_what_a_search_raises_is_raised_here_and_ends_the_others() -> None:
 
 def test_no_search_asks_nothing() -> None:
     side_by_side([], lambda points: points)
+
+
+@pytest.mark.parametrize(("size", "count"), [(1, 32), (2, 6**2), (3, 3**3), (5, 2**5), (12, 1)])
+def test_parts_tile_the_cube_and_are_about_32(size: int, count: int) -> None:
+    objective: Any = SimpleNamespace(box=SimpleNamespace(size=size))
+    parts = _parts(objective)
+    assert len(parts) == count
+    assert sum(math.prod(high - low for low, high in part) for part in parts) == pytest.approx(1)
+    assert len({tuple(low for low, _ in part) for part in parts}) == count

@@ -119,5 +119,13 @@ def test_the_fewest_seeds_are_advised_first_and_the_rest_is_counted():
     assert advice(compare(condense(RESULTS[:15]), Known({}, BEST))) == ()
 
 
+def test_the_note_counts_the_pairs_that_are_tested():
+    """Of six pairs one pays the same."""
+    same = Known({"hold-disc": Standard(alike=alike("hold-disc", flag_funnel="="))}, BEST)
+    table = comparisons_table(compare(condense(RESULTS), same))
+    assert "for all pairs that are tested here, 5 of them;" in table.notes[0]
+    assert not any(note.startswith("Mixed") for note in table.notes)
+
+
 def test_one_method_is_compared_with_none():
     assert comparisons_table(compare(condense(seeds("raw", (0.1, 0.2))), Known())).rows == ()
