@@ -198,15 +198,18 @@ def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
         several = tuple(members)
         own = {entry.method: colours[entry.method] for entry in several[0].entries}
         drawings.append(Drawing(file_name("across", *kind), label, ("across", "across_tasks"), (several, own)))
-    return drawings + _groups(fields) + _ranks(fields, colours)
+    return drawings + _groups(fields, colours) + _ranks(fields, colours)
 
 
-def _groups(fields: Sequence[Field]) -> list[Drawing]:
+def _groups(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
     label = "What each method learned of each group of drawn tasks; the table of groups has the numbers"
-    return [
-        Drawing(file_name("groups", field.budget, field.track), label, ("groups", "groups"), (field,))
-        for field in drawn(fields)
-    ]
+    shares = "The share of each method's runs that satisfy from so many starts or more, from half of them to all"
+    drawings = list[Drawing]()
+    for field in drawn(fields):
+        kind, own = (field.budget, field.track), {entry.method: colours[entry.method] for entry in field.entries}
+        drawings.append(Drawing(file_name("groups", *kind), label, ("groups", "groups"), (field,)))
+        drawings.append(Drawing(file_name("satisfied", *kind), shares, ("groups", "satisfied"), (field, own)))
+    return drawings
 
 
 def _ranks(fields: Sequence[Field], colours: Colours) -> list[Drawing]:

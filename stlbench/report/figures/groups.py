@@ -1,4 +1,4 @@
-"""Methods on each group of drawn tasks, such as a template or a system: what they learned, and their scores."""
+"""Methods on drawn tasks: what they learned of each group, such as a template, and how much their runs satisfy."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from stlbench.records.result import LEARNED
 from stlbench.report.figures import layout
-from stlbench.report.figures.style import now, styled
+from stlbench.report.figures.style import Colours, lines_of, now, pages, styled
 from stlbench.report.tables.across import Field
-from stlbench.report.tables.sampled import Line, group_lines
+from stlbench.report.tables.sampled import Line, common, group_lines
 
 _ROW, _AROUND = 0.27, 1.3
 """Inches: of a row, and around all rows."""
@@ -68,3 +69,40 @@ def _panel(axes: Axes, lines: list[Line], methods: list[str]) -> None:
     axes.tick_params(length=0)
     for side in axes.spines.values():
         side.set_visible(False)
+
+
+_PANEL = 2.6
+"""Inches: of a panel of satisfaction."""
+
+
+@styled
+def satisfied(field: Field, colours: Colours) -> Figure:
+    """Draw for each method the share of runs whose policy satisfies from so many starts or more, from half to all.
+
+    Runs are of the tasks common to the methods, every task with the same weight; a method that does not fit these has
+    no line. There are as many panels as there are colours for.
+    """
+    shared = sorted(common((entry.fits for entry in field.entries), len(field.tasks)))
+    entries = [entry for entry in field.entries if shared and {*shared} <= {*entry.fits}]
+    parts = [part for _, part in pages(entries)] or [[]]
+    figure = layout.figure_of(_AROUND + _PANEL * len(parts))
+    panels = figure.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
+    starts = np.arange(50, 101)
+    for axes, part in zip(panels, parts, strict=True):
+        own = [colours[entry.method] for entry in part]
+        for entry, colour, line in zip(part, own, lines_of(own), strict=True):
+            seeds = [100 * np.array(entry.satisfaction[place]) + _ROUNDED for place in shared]
+            runs = np.mean([(each[:, None] >= starts).mean(axis=0) for each in seeds], axis=0)
+            axes.plot(starts, 100 * runs, line, color=colour, linewidth=1.3, label=entry.method)
+        axes.axvline(100 * LEARNED, color=layout.LEVEL, linewidth=0.7, zorder=1)
+        axes.set(ylabel="runs [%]", ylim=(-3, 103), xlim=(50, 100))
+        axes.grid(alpha=0.3)
+        if part:
+            axes.legend(loc="best", fontsize=now().tiny, ncols=2)
+    panels[-1].set_xlabel("satisfies from so many starts or more [%]")
+    title = f"Satisfaction on {len(shared)} common of {len(field.tasks)} tasks (budget {field.budget}, {field.track})"
+    return layout.finish(figure, title, [layout.level_key("from here on a run has learned the task")], 1)
+
+
+_ROUNDED = 1e-9
+"""A share of .7 counts as 70 %, whatever rounding made of it."""

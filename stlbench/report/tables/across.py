@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.comparisons import Contest, contests
 from stlbench.report.tables.controllers import Known
@@ -36,13 +37,23 @@ class Entry:
     unfinished: str  # how the cells without a result ended: "40 intractable"; empty if all have one
     classes: tuple[int, ...] = ()
     """For each task: methods of the same class are paid the same there, up to a constant. Empty: none are."""
-    learned: tuple[tuple[bool, ...], ...] = ()
-    """Whether the seeds behind the scores learned the task; a seed without a result did not."""
+    satisfaction: tuple[tuple[float, ...], ...] = ()
+    """For the seeds behind the scores, the share of starts in [0, 1] that satisfy; 0 for a seed without a result."""
+
+    @property
+    def learned(self) -> tuple[tuple[bool, ...], ...]:
+        """Whether the seeds learned the task."""
+        return tuple(tuple(share >= LEARNED for share in seeds) for seeds in self.satisfaction)
 
     @property
     def runs(self) -> Runs:
         """The scores of the tasks that it fits, as arrays."""
         return [np.array(seeds) for seeds in self.scores if seeds]
+
+    @property
+    def fits(self) -> list[int]:
+        """The places of the tasks that it fits."""
+        return [place for place, seeds in enumerate(self.scores) if seeds]
 
     @property
     def coverage(self) -> str:
@@ -166,18 +177,19 @@ def _fields(budget: str, track: str, members: Sequence[Contest], known: Known) -
 
 
 def _entry(method: Choice, members: Sequence[Contest], known: Known) -> Entry:
-    scores, learned, classes, every = list[tuple[float, ...]](), list[tuple[bool, ...]](), list[int](), list[Row]()
+    scores, satisfaction = list[tuple[float, ...]](), list[tuple[float, ...]]()
+    classes, every = list[int](), list[Row]()
     for contest in members:
         group = next(group for group in contest if group.setting.method == method)
         low, high = _scale(group.setting.task, known) or (0.0, 1.0)
         rows = group.rows if group.done else ()
         values = [row.numbers.robustness_mean if row.numbers else math.nan for row in rows]
         scores.append(tuple((value - low) / (high - low) if math.isfinite(value) else 0.0 for value in values))
-        learned.append(tuple(row.numbers is not None and row.numbers.learned for row in rows))
+        satisfaction.append(tuple(row.numbers.satisfaction if row.numbers else 0.0 for row in rows))
         same = [other is group or known.likeness(group.setting, other.setting) == "=" for other in contest]
         classes.append(same.index(True))  # the place of the first method that is paid the same
         every += group.rows
-    return Entry(str(method), tuple(scores), unfinished(every), tuple(classes), tuple(learned))
+    return Entry(str(method), tuple(scores), unfinished(every), tuple(classes), tuple(satisfaction))
 
 
 _FIELD: dict[Column, Callable[[tuple[Field, Any]], Value]] = {

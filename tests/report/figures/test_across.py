@@ -6,7 +6,7 @@ import pytest
 
 from stlbench.report.figures.across import across_tasks, place, ticks
 from stlbench.report.figures.files import drawings_across
-from stlbench.report.figures.groups import groups
+from stlbench.report.figures.groups import groups, satisfied
 from stlbench.report.figures.ranks import ranks
 from stlbench.report.figures.style import COLOURS
 from stlbench.report.tables.across import Entry, Field
@@ -89,8 +89,8 @@ def test_one_figure_for_each_budget_and_track(tmp_path):
 def drawn(methods, tasks):
     """A field of a suite: the first method is best on every task, the next second, and so on."""
     names = list(COLOURED)[:methods]
-    learned = ((True, False),) * tasks
-    entries = tuple(Entry(name, ((1 - i / 10,) * 2,) * tasks, "", learned=learned) for i, name in enumerate(names))
+    shares = ((1.0, 0.7),) * tasks
+    entries = tuple(Entry(name, ((1 - i / 10,) * 2,) * tasks, "", satisfaction=shares) for i, name in enumerate(names))
     return Field("quick", "auto", tuple(map(str, range(tasks))), "all", entries, ({"system": "arm"},) * tasks)
 
 
@@ -98,17 +98,18 @@ def test_ranks_are_drawn_of_three_methods_that_fit_eight_drawn_tasks():
     assert [each.name for each in drawings_across((drawn(3, 8),), COLOURED)] == [
         "across-quick-auto",
         "groups-quick-auto",
+        "satisfied-quick-auto",
         "ranks-quick-auto",
     ]
-    for field, count in ((drawn(2, 8), 2), (drawn(3, 7), 2), (EVERY, 1)):
+    for field, count in ((drawn(2, 8), 3), (drawn(3, 7), 3), (EVERY, 1)):
         assert len(drawings_across((field,), COLOURED)) == count
 
 
 def test_groups_of_drawn_tasks_have_a_figure() -> None:
     """One row for each group, kinds apart; a method that fits no task of a group has no entry."""
     first, second, third = drawn(3, 2).entries
-    none = Entry(third.method, ((), ()), "", learned=((), ()))
-    part = Entry(second.method, (second.scores[0], ()), "", learned=(second.learned[0], ()))
+    none = Entry(third.method, ((), ()), "", satisfaction=((), ()))
+    part = Entry(second.method, (second.scores[0], ()), "", satisfaction=(second.satisfaction[0], ()))
     systems = ({"system": "arm"}, {"system": "pair"})
     figure = groups(Field("quick", "auto", ("a", "b"), "all", (first, part, none), systems))
     everything, by_system = figure.axes
@@ -121,10 +122,22 @@ def test_groups_of_drawn_tasks_have_a_figure() -> None:
 def test_a_method_that_does_not_fit_the_common_tasks_has_its_numbers_in_brackets() -> None:
     """Of three tasks the second method fits the first alone: it is not compared."""
     first, second = drawn(2, 3).entries
-    few = Entry(second.method, (second.scores[0], (), ()), "", learned=(second.learned[0], (), ()))
+    few = Entry(second.method, (second.scores[0], (), ()), "", satisfaction=(second.satisfaction[0], (), ()))
     (axes, _) = groups(Field("quick", "auto", ("a", "b", "c"), "all", (first, few), ({"system": "arm"},) * 3)).axes
     assert [text.get_text() for text in axes.texts] == ["50\n1.00", "(50)\n(0.90)"]
     assert axes.images[0].get_array().mask.tolist() == [[False, True]]
+
+
+def test_the_share_of_runs_that_satisfy_so_much_is_drawn_over_the_common_tasks() -> None:
+    """Seeds satisfy from 1 and .7 of the starts; the second method fits one of two tasks, there from 1 and .5."""
+    first, second = drawn(2, 2).entries
+    part = Entry(second.method, (second.scores[0], ()), "", satisfaction=((1.0, 0.5), ()))
+    (axes,) = satisfied(
+        Field("quick", "auto", ("a", "b"), "all", (first, part), ({"system": "arm"},) * 2), COLOURED
+    ).axes
+    own, other = (dict(zip(*line.get_data(), strict=True)) for line in axes.lines[:2])
+    assert [own[at] for at in (50, 70, 71, 95, 100)] == [100, 100, 50, 50, 50]
+    assert [other[at] for at in (50, 51, 100)] == [100, 50, 50]
 
 
 def test_methods_that_are_nearer_than_the_critical_difference_have_a_bar():
