@@ -6,7 +6,7 @@ python studies/suite_answers.py     write the scores that `stlbench advise` read
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -73,10 +73,10 @@ def drawn() -> tuple[Drawn, ...]:
 
 
 def components() -> str:
-    """One row per source of differences: its share of the variance of scores, on tasks that all `SHOWN` methods fit.
+    """One row per source of differences: its share of the variance of a run's score, on tasks that all `SHOWN` fit.
 
-    Sums of squares are taken in this order, so what two sources share counts for the first. Intervals are from
-    resamples of the tasks.
+    Sums of squares are taken in this order, so what two sources share counts for the first. What seeds add to each by
+    chance is taken off. Intervals are from resamples of the tasks.
     """
     tasks = [task for task in drawn() if {*SHOWN} <= {*task.scores}]
     generator = np.random.default_rng(0)
@@ -92,26 +92,36 @@ def components() -> str:
     return markdown([f"source, {len(tasks)} tasks", "share of the variance"], body, right=1)
 
 
+def _same_seeds(tasks: Sequence[Drawn]) -> int:
+    """How many seeds every method of core has on all these tasks: some tasks of `quick` have more."""
+    return min(len(task.scores[method]) for task in tasks for method in SHOWN if method in task.scores)
+
+
 def _shares(tasks: Sequence[Drawn]) -> dict[str, float]:
-    """Every method has as many seeds on every task, so differences between tasks and those within are apart."""
-    seeds = min(len(task.scores[method]) for task in tasks for method in SHOWN)
+    """Every method has as many seeds on every task, so differences between tasks and those within are apart.
+
+    A mean over seeds has the seeds' variance over their number. By chance a source adds as much for each of its degrees
+    of freedom. What is left below 0 counts as 0.
+    """
+    seeds = _same_seeds(tasks)
     scores = np.array([[task.scores[method][:seeds] for method in SHOWN] for task in tasks])
     means = scores.mean(axis=2)
     of_tasks, within = means.mean(axis=1, keepdims=True), means - means.mean(axis=1, keepdims=True)
     templates = _columns(template for _, template in (task.group for task in tasks))
     systems = np.hstack([templates, _columns(system for system, _ in (task.group for task in tasks))])
     nothing, constant = np.zeros((len(tasks), 1)), np.ones((len(tasks), 1))
+    names = ("template", "system", "task", "method", "method and template", "method and system", "method and task")
     left = [len(SHOWN) * _unexplained(of_tasks, columns) for columns in (constant, templates, systems)]
-    left += [0.0, *(_unexplained(within, columns) for columns in (nothing, constant, templates, systems))]
-    template, system, task, _, method, by_template, by_system = -np.diff(left)
-    of_seeds = float(((scores - means[..., None]) ** 2).sum()) / seeds
-    sums = {
-        **{"template": template, "system": system, "task": task, "method": method},
-        **{"method and template": by_template, "method and system": by_system, "method and task": left[-1]},
-        "seed": of_seeds,
-    }
-    whole = sum(sums.values())
-    return {source: float(share / whole) for source, share in sums.items()}
+    left += [0.0, *(_unexplained(within, columns) for columns in (nothing, constant, templates, systems)), 0.0]
+    sums = np.delete(-np.diff(left), 3)
+    ranks = [int(np.linalg.matrix_rank(columns)) for columns in (constant, templates, systems)]
+    between = np.diff([*ranks, len(tasks)])
+    freedom = [*between, *((len(SHOWN) - 1) * np.array([1, *between]))]
+    of_seed = float(((scores - means[..., None]) ** 2).sum()) / max(1, seeds - 1) / means.size
+    parts = np.maximum(sums - np.array(freedom) * of_seed / seeds, 0.0)
+    found = dict(zip(names, parts.tolist(), strict=True)) | {"seed": of_seed * means.size}
+    whole = sum(found.values())
+    return {source: share / whole for source, share in found.items()}
 
 
 def _columns(labels: Iterable[str]) -> NDArray[np.float64]:
@@ -127,11 +137,15 @@ def _unexplained(values: NDArray[np.float64], columns: NDArray[np.float64]) -> f
 
 
 def slopes() -> str:
-    """How the score of `raw`, and how much more each other method has, goes with the size of the task (Spearman's)."""
-    body = []
+    """How the score of `raw`, and how much more each other method has, goes with the size of the task (Spearman's).
+
+    Of every task the same seeds count.
+    """
+    body, seeds = [], _same_seeds(drawn())
     for method in ("raw", *(method for method in SHOWN if method != "raw")):
         both = [task for task in drawn() if {method, "raw"} <= {*task.scores}]
-        more = np.array([fmean(task.scores[method]) - (method != "raw") * fmean(task.scores["raw"]) for task in both])
+        own, raw = (np.array([fmean(task.scores[each][:seeds]) for task in both]) for each in (method, "raw"))
+        more = own if method == "raw" else own - raw
         sizes = [np.array([task.size[name] for task in both]) for name in both[0].size]
         name = "`raw`" if method == "raw" else f"`{method}` less `raw`"
         body.append([name, str(len(both)), *(_correlation(each, more) for each in sizes)])
@@ -154,37 +168,65 @@ def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
 
 
 def held_out() -> str:
-    """One row per way to choose a method: the mean score on templates that it has not seen, and what it gives away."""
-    known = [evidence.Trained(traits(task.formula), task.scores) for task in drawn()]
-    chosen = dict[str, list[float]]()
-    answered, best = list[float](), list[float]()
-    for template in sorted({task.group[1] for task in drawn()}):
-        seen = [each for each, task in zip(known, drawn(), strict=True) if task.group[1] != template]
-        for task, own in zip(drawn(), known, strict=True):
-            if task.group[1] != template:
-                continue
-            methods = [*task.scores]
-            means = {method: fmean(task.scores[method]) for method in methods}
-            overall = {
-                method: [fmean(each.scores[method]) for each in seen if method in each.scores] for method in methods
-            }
-            favourite = max(methods, key=lambda method: fmean(overall[method] or [0.0]))
-            rows = evidence.rated(evidence.alike(own.traits, seen, methods), methods)
-            best.append(max(means.values()))
-            chosen.setdefault("the best of all other templates", []).append(means[favourite])
-            chosen.setdefault("`advise`, else that", []).append(means[rows[0].method] if rows else means[favourite])
-            chosen.setdefault("any method", []).append(fmean(means.values()))
-            answered.append(bool(rows))
-    body = [[way, f"{fmean(own):.3f}", _less(best, own)] for way, own in chosen.items()]
+    """One row per way to choose a method: the mean score on templates and seeds that it has not seen.
+
+    A way chooses by one seed of the other templates, and is judged by the other seed of this one; both take turns. The
+    best of a task is chosen by one of its own seeds, since the greatest of noisy scores is above that of the best.
+    """
+    turns = [_chosen(seen, judged) for seen, judged in ((0, 1), (1, 0))]
+    ways = {way: [fmean(both) for both in zip(*(turn[way] for turn in turns), strict=True)] for way in turns[0]}
+    own, best = ways[_ADVISE], ways[_BEST]
+    body = [
+        [way, f"{fmean(found):.3f}", *("" if found is other else _less(other, found) for other in (best, own))]
+        for way, found in ways.items()
+    ]
+    answered = [bool(rows) for _, rows in _advised(0)]
     share = f"`advise` answers for {100 * fmean(answered):.0f} % of the tasks."
-    return markdown(["choice", "score", "less than the best"], body, right=2) + f"\n\n{share}"
+    return markdown(["choice", "score", "the best has more", "`advise` has more"], body, right=3) + f"\n\n{share}"
 
 
-def _less(best: Sequence[float], own: Sequence[float]) -> str:
+_ADVISE, _BEST = "`advise`, else the first row", "the best of the task in its other seed"
+
+
+def _advised(seen: int) -> Iterator[tuple[list[evidence.Trained], list[evidence.Rated]]]:
+    """For each task what one seed says of the other templates, and how `advise` rates methods by that."""
+    known = [
+        evidence.Trained(traits(task.formula), {method: own[seen : seen + 1] for method, own in task.scores.items()})
+        for task in drawn()
+    ]
+    for task, own in zip(drawn(), known, strict=True):
+        others = [each for each, other in zip(known, drawn(), strict=True) if other.group[1] != task.group[1]]
+        yield others, evidence.rated(evidence.alike(own.traits, others, [*task.scores]), [*task.scores])
+
+
+def _chosen(seen: int, judged: int) -> dict[str, list[float]]:
+    """Way to choose -> for each task the score, in the seed that judges, of what it chose by the other."""
+    ways = dict[str, list[float]]()
+    every = set.intersection(*({*task.scores} for task in drawn()))
+    for task, (others, rows) in zip(drawn(), _advised(seen), strict=True):
+        overall = {
+            method: fmean([each.scores[method][0] for each in others if method in each.scores] or [0.0])
+            for method in task.scores
+        }
+        steady, favourite = max(sorted(every), key=overall.__getitem__), max(overall, key=overall.__getitem__)
+        picked = {
+            "always the best that takes every form": steady,
+            "the best of those that take the form": favourite,
+            _ADVISE: rows[0].method if rows else steady,
+            _BEST: max(task.scores, key=lambda method: task.scores[method][seen]),
+        }
+        for way, method in picked.items():
+            ways.setdefault(way, []).append(task.scores[method][judged])
+        ways.setdefault("any method", []).append(fmean(own[judged] for own in task.scores.values()))
+    return ways
+
+
+def _less(more: Sequence[float], own: Sequence[float]) -> str:
     """The mean difference, with its interval over the tasks."""
-    value, ends = sampled.mean([np.array([most - each]) for most, each in zip(best, own, strict=True)])
+    value, ends = sampled.mean([np.array([most - each]) for most, each in zip(more, own, strict=True)])
     assert ends is not None
-    return f"{value:.3f} [{ends.low:.3f}, {ends.high:.3f}]"
+    value, low, high = (recorded.number(str(each)) for each in (value, *ends))
+    return f"{value} [{low}, {high}]"
 
 
 def scores() -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
+import numpy as np
 import pytest
 from helpers.studies import load
 
@@ -44,3 +45,42 @@ def test_the_sources_of_differences(answers: ModuleType) -> None:
     shares, methods = answers._shares(by_pair), len(answers.SHOWN)
     by_hand = {"system": 1, "method": methods - 1, "method and system": methods - 1}  # of 2 m - 1 parts
     assert {source: shares[source] * (2 * methods - 1) for source in by_hand} == pytest.approx(by_hand)
+
+
+def test_seeds_that_scatter_explain_nothing_but_themselves(answers: ModuleType) -> None:
+    """Means of two seeds scatter by half of the variance of seeds, which would count for `method and task`."""
+    generator = np.random.default_rng(0)
+    tasks = [
+        answers.Drawn(
+            f"{system}/{template}/{number}",
+            stl.parse("F[0,9] x >= 1"),
+            {method: tuple(generator.normal(size=2)) for method in answers.SHOWN},
+        )
+        for system in ("arm", "pair")
+        for template in ("reach", "patrol", "tube")
+        for number in range(10)
+    ]
+    shares = answers._shares(tasks)
+    assert shares["seed"] > 0.9
+    assert shares["method and task"] < 0.06
+    assert min(shares.values()) >= 0
+    alike = [answers.Drawn(task.name, task.formula, dict.fromkeys(task.scores, (0.2, 0.4))) for task in tasks]
+    assert answers._shares(alike)["seed"] == pytest.approx(1)
+
+
+def test_a_way_to_choose_is_judged_by_seeds_and_templates_that_it_has_not_seen(
+    answers: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lucky seed does not count for the method that was chosen by it."""
+    formula, one = stl.parse("F[0,9] x >= 1"), {"steady": (0.5, 0.5), "lucky": (1.0, 0.0)}
+    tasks = [answers.Drawn(f"arm/{form}/{number}", formula, one) for form in ("reach", "tube") for number in range(8)]
+    monkeypatch.setattr(answers, "drawn", lambda: tuple(tasks))
+    first, second = answers._chosen(0, 1), answers._chosen(1, 0)
+    assert {way: (first[way][0], second[way][0]) for way in first} == {
+        "always the best that takes every form": (0.0, 0.5),
+        "the best of those that take the form": (0.0, 0.5),
+        answers._ADVISE: (0.0, 0.5),
+        answers._BEST: (0.0, 0.5),
+        "any method": (0.25, 0.75),
+    }
+    assert answers.held_out().splitlines()[-1] == "`advise` answers for 100 % of the tasks."
