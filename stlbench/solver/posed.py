@@ -157,9 +157,9 @@ def _refuse_other_code(problem: Problem, home: Path) -> None:
     The folder may be of a stranger who knows the problem. What Python compiled there is deleted, as it may be of
     another source.
     """
-    file = file_of(home)
-    for path in home.iterdir():
+    for path in home.glob("*"):
         inside(path, home)
+    file = file_of(home)
     shutil.rmtree(home / "__pycache__", ignore_errors=True)
     code = {name: text.encode() for name, text in code_beside(problem).items()}
     for name in sorted({path.name for path in home.iterdir()} | code.keys() - {_FILE}):

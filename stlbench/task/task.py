@@ -253,9 +253,7 @@ def _texts(name: str, kind: type) -> tuple[str, str | None]:
 
 def _text(file: Traversable, name: str) -> str | None:
     try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        return None
+        return file.read_text(encoding="utf-8") if file.is_file() else None  # a pipe would be waited for
     except (OSError, UnicodeError) as error:
         raise UsageError(f"task {name}: {file.name} cannot be read: {error}") from error
 

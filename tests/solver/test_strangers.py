@@ -113,6 +113,19 @@ def test_what_is_missing_is_said(posed: Path, change: Any) -> None:
         again(posed, "hold-disc", change)
 
 
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_task_file_is_read_through_no_link_and_no_pipe_is_waited_for(posed: Path, tmp_path: Path, kind: str) -> None:
+    def change(home: Path) -> None:
+        (home / "task.yaml").rename(tmp_path / "secret")
+        if kind == "link":
+            (home / "task.yaml").symlink_to(tmp_path / "secret")
+        else:
+            os.mkfifo(home / "task.yaml")
+
+    with pytest.raises(UsageError, match=r"task\.yaml(: it is neither a file|is a link| is a link)"):
+        again(posed, "hold-disc", change)
+
+
 @pytest.mark.parametrize("kind", strangers.ENVIRONMENTS)
 @pytest.mark.parametrize("environment", ["hold-disc", "CartPole-v1"])
 def test_solve_imports_nothing_that_the_problem_does_not_name(

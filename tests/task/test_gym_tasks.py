@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,12 @@ def test_a_folder_with_a_task_file_is_a_task(folder: Callable[..., str]) -> None
     task = load_task(folder())
     assert task.actions == ActionGrid(("action",), ((0.0, 1.0),))
     assert task.starts.report_and_selection()[0].tolist() == [[0], [1], [2], [3]]
+
+
+def test_a_pipe_beside_the_task_file_is_not_waited_for(folder: Callable[..., str]) -> None:
+    path = folder()
+    os.mkfifo(Path(path) / "by_hand.yaml")
+    assert load_task(path).name == Path(path).name
 
 
 def test_a_box_is_continuous_unless_the_file_counts_values(folder: Callable[..., str]) -> None:
