@@ -47,7 +47,9 @@ READ_BY = {
         f"render results {CELL} --start-index 0 --format png",
         f"falsify {CELL} --evaluations 8",
         f"certify {CELL} --starts 8",
-        f"policy {CELL} taken",
+        f"policies get {CELL} taken --results results",
+        "policies list --results results",
+        f"export-policy {CELL} out.onnx",
     ),
     "running/a.json": ("watch results --once",),
     ".lock": ("watch results --once", "report results"),
@@ -130,6 +132,7 @@ def told(command: str) -> str:
     """What a command prints; no traceback."""
     done = CliRunner().invoke(app, command.split())
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    assert "--help')" not in done.output  # the words are those of a command
     return done.output
 
 
