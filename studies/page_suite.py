@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from statistics import fmean, median
 
 import paired
 import recorded
 from recorded import Row, markdown
 
+from stlbench.report.tables.sampled import common
 from stlbench_tasks.suite.formulas import table as suite_table
 from stlbench_tasks.suite.systems import SYSTEMS
 from stlbench_tasks.suite.templates import TEMPLATES
@@ -42,13 +43,25 @@ def _form(template: str) -> str:
 
 
 def methods(folder: str) -> str:
-    """One row per method: what it learned of all tasks that it fits, and the CPU seconds of a cell."""
+    """One row per method: what it learned and its CPU seconds on the tasks common to the methods, then what it learned
+    of all tasks that it fits. A method that does not fit the common tasks has the last columns alone."""
     cells = [row for row in recorded.table(folder, "cells") if row["status"] == "done"]
+    fits = {row["method"]: {cell["task"] for cell in cells if cell["method"] == row["method"]} for row in cells}
+    shared = common(fits.values(), len({cell["task"] for cell in cells}))
     body = []
     for row in (row for row in recorded.table(folder, "groups") if row["by"] == "all"):
-        seconds = fmean(float(cell["cpu_seconds"]) for cell in cells if cell["method"] == row["method"])
-        body.append([f"`{row['method']}`", row["fits"], *_told(row), f"{seconds:.1f} s"])
-    return markdown(["method", "fits", "learned", "score", "CPU of a cell"], body, right=4)
+        own = [cell for cell in cells if cell["method"] == row["method"] and cell["task"] in shared]
+        means = ((fmean(float(cell[name]) for cell in own) if row["learned [%]"] else None) for name in _COSTS)
+        costs = ["" if mean is None else shown(mean) for mean, shown in zip(means, _COSTS.values(), strict=True)]
+        body.append([f"`{row['method']}`", *_told(row), *costs, row["fits"], *_told(row, " of all it fits")])
+    header = [f"{len(shared)} common tasks", "learned", "score", "steps", "CPU of a cell", "fits"]
+    return markdown([*header, "learned of these", "score of these"], body, right=7)
+
+
+_COSTS: Mapping[str, Callable[[float], str]] = {
+    "env_steps": lambda mean: f"{mean / 1000:.0f},000",
+    "cpu_seconds": lambda mean: f"{mean:.1f} s",
+}
 
 
 def forms(folder: str) -> str:
@@ -79,17 +92,17 @@ def _higher(found: Mapping[tuple[str, str, str], Row], group: str, method: str) 
     return _with_ends(*(each and recorded.number(str(sign * float(each)), 2) for each in values))
 
 
-def _told(row: Row) -> tuple[str, str]:
+def _told(row: Row, where: str = "") -> tuple[str, str]:
     """ "55 % [18, 91]", "0.86 [0.73, 0.95]": what was learned and the score, where tasks are few without intervals."""
-    learned = [row[f"learned{part} [%]"] for part in ("", " 95 % interval low", " 95 % interval high")]
-    score = [row[f"score{part}"] for part in ("", " 95 % interval low", " 95 % interval high")]
+    ends = ("", " 95 % interval low", " 95 % interval high")
+    learned, score = [row[f"learned{where}{part} [%]"] for part in ends], [row[f"score{where}{part}"] for part in ends]
     return _with_ends(*(each and f"{float(each):.0f}" for each in learned), unit=" %"), _with_ends(
         *(each and recorded.number(each, 2) for each in score)
     )
 
 
 def _with_ends(value: str, low: str, high: str, unit: str = "") -> str:
-    return f"{value}{unit} [{low}, {high}]" if low else f"{value}{unit}"
+    return f"{value}{unit} [{low}, {high}]" if low else value and f"{value}{unit}"
 
 
 def many() -> str:
