@@ -70,8 +70,9 @@ def test_wrong_words_and_names_are_one_line_on_stderr(say, words, message):
 
 def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
     monkeypatch.setattr("stlbench.stl.parse", lambda *_, **__: 1 / 0)
+    (tmp_path / "trace.csv").write_text("x\n1\n")
     with pytest.raises(ZeroDivisionError):
-        app(["monitor", "x > 0", "trace.csv"])
+        app(["monitor", "x > 0", str(tmp_path / "trace.csv")])
 
 
 def test_starts_without_the_heavy_packages(tmp_path):
