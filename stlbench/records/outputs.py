@@ -26,11 +26,11 @@ def inside(path: Path, folder: Path, purpose: Literal["write", "read"] = "write"
     Raises:
         UsageError: a part is a link, or the path leaves the folder, or what is there is a pipe or a device.
     """
-    parts, here, mode = path.relative_to(folder).parts, str(folder), stat.S_IFDIR
-    if ".." in parts:
+    above, parts, here, mode = folder.parts, path.parts, str(folder), stat.S_IFDIR
+    if parts[: len(above)] != above or ".." in parts[len(above) :]:
         raise UsageError(f"{path} is not inside {folder}")
     try:
-        for part in parts:
+        for part in parts[len(above) :]:
             here = os.path.join(here, part)
             mode = os.lstat(here).st_mode
             if stat.S_ISLNK(mode):
