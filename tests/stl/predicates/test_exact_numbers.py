@@ -106,7 +106,7 @@ def test_masked_samples_in_a_list_are_refused() -> None:
 def test_a_whole_number_of_a_formula_that_is_no_float_is_refused(text: str) -> None:
     with pytest.raises(stl.StlSyntaxError, match=r"expected a whole number that is a float, .* but found '(900|170)"):
         stl.parse(text)
-    with pytest.raises(ValueError, match="a Number is a float, .*; 9007199254740993 is none"):
+    with pytest.raises(ValueError, match=r"a Number is a float, .*; 9007199254740993 is none"):
         stl.Number(2**53 + 1)
 
 
