@@ -213,9 +213,9 @@ def _data_files(folder: Path) -> Iterator[Path]:
     for entry in entries:
         if entry.name.startswith((".", "__pycache__")):
             continue
-        if entry.is_dir():
+        if entry.is_dir(follow_symlinks=False):
             yield from () if Path(entry.path, "__init__.py").is_file() else _data_files(Path(entry.path))
-        elif not entry.name.endswith(_NO_DATA):
+        elif entry.is_file() and not entry.name.endswith(_NO_DATA):
             yield Path(entry.path)
 
 

@@ -163,6 +163,14 @@ def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people_or_writ
     assert fingerprint("zz_pack.one") != before
 
 
+def test_a_pipe_beside_the_modules_is_not_waited_for_and_a_circle_of_links_ends(site):
+    root = site("acme", "", FILES)
+    before = fingerprint("zz_pack.one")
+    os.mkfifo(root / "zz_pack/pipe")
+    (root / "zz_pack/again").symlink_to(root / "zz_pack")
+    assert fingerprint("zz_pack.one") == before
+
+
 @pytest.mark.parametrize("file", ["task.yaml", "by_hand.yaml"])
 def test_what_a_task_file_says_is_watched_but_has_its_own_part_in_keys(site, file):
     root = site("acme", "", FILES | {f"zz_pack/{file}": "title: a\nsteps: 3\n"})

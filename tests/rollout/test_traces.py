@@ -16,7 +16,7 @@ from stlbench.rollout.referee import Referee
 from stlbench.rollout.traces import Recording, gather, load
 
 RESULT = synthetic_results.result(task="line")
-TRACES = np.arange(36.0).reshape(4, 9, 1)
+TRACES = np.arange(18.0).reshape(2, 9, 1)
 
 
 @pytest.fixture
@@ -34,11 +34,11 @@ def save(tmp_path):
 def test_what_was_saved_is_loaded(save, tmp_path):
     with pytest.raises(UsageError, match=r"^line/funnel/dqn/0 has no traces at "):
         load(line(), RESULT, tmp_path)
-    save(traces=TRACES, signals=["x"], extremes=[2, 0], states=np.ones((2, 9, 1)))
+    save(traces=TRACES, signals=["x"], extremes=[1, 0], states=np.ones((2, 9, 1)))
     found = load(line(), RESULT, tmp_path)
     assert np.array_equal(found.traces, TRACES)
     assert found.film is not None
-    assert (found.film.starts.tolist(), found.film.states.shape) == ([2, 0], (2, 9, 1))
+    assert (found.film.starts.tolist(), found.film.states.shape) == ([1, 0], (2, 9, 1))
     save(traces=TRACES, signals=["x"])
     assert load(line(), RESULT, tmp_path).film is None  # an older file
 
@@ -48,7 +48,7 @@ def test_what_was_saved_is_loaded(save, tmp_path):
     [
         ({"traces": TRACES, "signals": ["y"]}, "are of another version of the task line"),
         ({"traces": TRACES[:, :5], "signals": ["x"]}, "are of another version of the task line"),
-        ({"traces": TRACES[..., 0], "signals": ["x"]}, r"traces have shape \(starts, steps, 1 signals\), got \(4, 9\)"),
+        ({"traces": TRACES[..., 0], "signals": ["x"]}, r"traces have shape \(starts, steps, 1 signals\), got \(2, 9\)"),
         ({"signals": ["x"]}, r"cannot read .* as traces of stlbench"),
     ],
 )
