@@ -77,7 +77,8 @@ def test_damage_anywhere_is_a_usage_error(save, tmp_path):
 
 
 def test_seeds_are_gathered_and_shown_evenly():
-    found = gather([Recording(TRACES, 1), Recording(100 + TRACES, 1)])
+    traces = np.arange(36.0).reshape(4, 9, 1)
+    found = gather([Recording(traces, 1), Recording(100 + traces, 1)])
     assert (found.seeds, len(found.traces)) == (2, 8)
     assert found.evenly(3)[:, 0, 0].tolist() == [0, 100, 127]
     assert len(found.evenly(50)) == 8
