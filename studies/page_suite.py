@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from statistics import fmean, median
 
 import paired
@@ -43,25 +43,19 @@ def _form(template: str) -> str:
 
 
 def methods(folder: str) -> str:
-    """One row per method: what it learned and its CPU seconds on the tasks common to the methods, then what it learned
-    of all tasks that it fits. A method that does not fit the common tasks has the last columns alone."""
+    """One row per method: what it learned on the tasks common to the methods, and CPU seconds there; then how many
+    tasks it fits, and what it learned of these. A method that does not fit the common ones has the last columns alone."""
     cells = [row for row in recorded.table(folder, "cells") if row["status"] == "done"]
     fits = {row["method"]: {cell["task"] for cell in cells if cell["method"] == row["method"]} for row in cells}
     shared = common(fits.values(), len({cell["task"] for cell in cells}))
     body = []
     for row in (row for row in recorded.table(folder, "groups") if row["by"] == "all"):
         own = [cell for cell in cells if cell["method"] == row["method"] and cell["task"] in shared]
-        means = ((fmean(float(cell[name]) for cell in own) if row["learned [%]"] else None) for name in _COSTS)
-        costs = ["" if mean is None else shown(mean) for mean, shown in zip(means, _COSTS.values(), strict=True)]
-        body.append([f"`{row['method']}`", *_told(row), *costs, row["fits"], *_told(row, " of all it fits")])
-    header = [f"{len(shared)} common tasks", "learned", "score", "steps", "CPU of a cell", "fits"]
-    return markdown([*header, "learned of these", "score of these"], body, right=7)
-
-
-_COSTS: Mapping[str, Callable[[float], str]] = {
-    "env_steps": lambda mean: f"{mean / 1000:.0f},000",
-    "cpu_seconds": lambda mean: f"{mean:.1f} s",
-}
+        seconds = f"{fmean(float(cell['cpu_seconds']) for cell in own):.1f} s" if row["learned [%]"] else ""
+        everywhere = f"{float(row['learned of all it fits [%]']):.0f} %"
+        body.append([f"`{row['method']}`", *_told(row), seconds, row["fits"].partition(" ")[0], everywhere])
+    header = [f"{len(shared)} common tasks", "learned", "score", "CPU of a cell", "fits", "learned of these"]
+    return markdown(header, body, right=5)
 
 
 def forms(folder: str) -> str:
@@ -92,10 +86,10 @@ def _higher(found: Mapping[tuple[str, str, str], Row], group: str, method: str) 
     return _with_ends(*(each and recorded.number(str(sign * float(each)), 2) for each in values))
 
 
-def _told(row: Row, where: str = "") -> tuple[str, str]:
+def _told(row: Row) -> tuple[str, str]:
     """ "55 % [18, 91]", "0.86 [0.73, 0.95]": what was learned and the score, where tasks are few without intervals."""
-    ends = ("", " 95 % interval low", " 95 % interval high")
-    learned, score = [row[f"learned{where}{part} [%]"] for part in ends], [row[f"score{where}{part}"] for part in ends]
+    learned = [row[f"learned{part} [%]"] for part in ("", " 95 % interval low", " 95 % interval high")]
+    score = [row[f"score{part}"] for part in ("", " 95 % interval low", " 95 % interval high")]
     return _with_ends(*(each and f"{float(each):.0f}" for each in learned), unit=" %"), _with_ends(
         *(each and recorded.number(each, 2) for each in score)
     )

@@ -11,5 +11,6 @@ for split in core quick; do
     stlbench export results/suite-$split --format jsonl
     cp results/suite-$split/figures/groups-quick-auto.svg docs/figures/suite-$split.svg
 done
+cp results/suite-core/figures/satisfied-quick-auto.svg docs/figures/suite-satisfied.svg
 python studies/suite_answers.py
 python studies/many_formulas.py unicycle/reach unicycle/patrol integrator/reach-stay unicycle/reach-stay unicycle/free-order

@@ -28,17 +28,16 @@ def test_the_columns_of_a_method_have_their_intervals(page: ModuleType) -> None:
 
 
 def test_methods_are_compared_on_common_tasks(page: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps and CPU seconds are of these tasks too; a method that fits few tasks has its own alone."""
+    """CPU seconds are of these tasks too; a method that fits few tasks has its own alone."""
 
     def cell(task: str, method: str, seconds: str) -> dict[str, str]:
-        return {"task": task, "method": method, "status": "done", "cpu_seconds": seconds, "env_steps": "612000"}
+        return {"task": task, "method": method, "status": "done", "cpu_seconds": seconds}
 
     def row(method: str, fits: str, learned: str, own: str) -> dict[str, str]:
-        numbers = {"learned [%]": learned, "score": "0.5" if learned else "", "score of all it fits": "0.25"}
+        numbers = {"learned [%]": learned, "score": "0.5" if learned else ""}
         ends = {
-            f"{name}{where} 95 % interval {end}{unit}": ""
+            f"{name} 95 % interval {end}{unit}": ""
             for name, unit in (("learned", " [%]"), ("score", ""))
-            for where in ("", " of all it fits")
             for end in ("low", "high")
         }
         return {"by": "all", "method": method, "fits": fits, "learned of all it fits [%]": own} | numbers | ends
@@ -57,11 +56,11 @@ def test_methods_are_compared_on_common_tasks(page: ModuleType, monkeypatch: pyt
     }
     monkeypatch.setattr(page.recorded, "table", lambda _, name: tables[name])
     header, _, *body = page.methods("any").splitlines()
-    assert header.startswith("| 2 common tasks | learned | score | steps | CPU of a cell | fits |")
+    assert header.startswith("| 2 common tasks | learned | score | CPU of a cell | fits |")
     assert body == [
-        "| `wide` | 100 % | 0.50 | 612,000 | 1.0 s | 4 of 4 | 50 % | 0.25 |",
-        "| `half` | 75 % | 0.50 | 612,000 | 2.0 s | 2 of 4 | 75 % | 0.25 |",
-        "| `few` |  |  |  |  | 1 of 4 | 100 % | 0.25 |",
+        "| `wide` | 100 % | 0.50 | 1.0 s | 4 | 50 % |",
+        "| `half` | 75 % | 0.50 | 2.0 s | 2 | 75 % |",
+        "| `few` |  |  |  | 1 | 100 % |",
     ]
 
 

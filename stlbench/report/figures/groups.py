@@ -100,7 +100,9 @@ def satisfied(field: Field, colours: Colours) -> Figure:
         if part:
             axes.legend(loc="best", fontsize=now().tiny, ncols=2)
     panels[-1].set_xlabel("satisfies from so many starts or more [%]")
-    title = f"Satisfaction on {len(shared)} common of {len(field.tasks)} tasks (budget {field.budget}, {field.track})"
+    title = (
+        f"Satisfaction on {len(shared)} common of {len(field.tasks)} tasks (budget {field.budget}, track {field.track})"
+    )
     return layout.finish(figure, title, [layout.level_key("from here on a run has learned the task")], 1)
 
 
