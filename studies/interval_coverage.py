@@ -130,7 +130,7 @@ def _difference(one: float, other: float) -> Drawn:
 
     def sample(make: np.random.Generator, tasks: int, seeds: int) -> Array:
         both, own, seed = (make.normal(size=size) for size in ((tasks, 1), (2, tasks, 1), (2, tasks, seeds)))
-        return 0.8 * both + 0.45 * own + (1 - 0.8**2 - 0.45**2) ** 0.5 * seed > hard
+        return np.greater(0.8 * both + 0.45 * own + (1 - 0.8**2 - 0.45**2) ** 0.5 * seed, hard)
 
     return Drawn(lambda runs: sampled.share_difference(*runs.tolist()), one - other, sample)
 

@@ -44,7 +44,7 @@ def _form(template: str) -> str:
 
 def methods(folder: str) -> str:
     """One row per method: what it learned on the tasks common to the methods, and CPU seconds there; then how many
-    tasks it fits, and what it learned of these. A method that does not fit the common ones has the last columns alone."""
+    tasks it fits, and what it learned of these. A method that does not fit the common tasks has these alone."""
     cells = [row for row in recorded.table(folder, "cells") if row["status"] == "done"]
     fits = {row["method"]: {cell["task"] for cell in cells if cell["method"] == row["method"]} for row in cells}
     shared = common(fits.values(), len({cell["task"] for cell in cells}))

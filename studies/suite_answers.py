@@ -185,7 +185,7 @@ def held_out() -> str:
     return markdown(["choice", "score", "the best has more", "`advise` has more"], body, right=3) + f"\n\n{share}"
 
 
-_ADVISE, _BEST = "`advise`, else the first row", "the best of the task in its other seed"
+_ADVISE, _BEST = "`advise`, else the first row", "the best of the task"
 
 
 def _advised(seen: int) -> Iterator[tuple[list[evidence.Trained], list[evidence.Rated]]]:
@@ -204,14 +204,10 @@ def _chosen(seen: int, judged: int) -> dict[str, list[float]]:
     ways = dict[str, list[float]]()
     every = set.intersection(*({*task.scores} for task in drawn()))
     for task, (others, rows) in zip(drawn(), _advised(seen), strict=True):
-        overall = {
-            method: fmean([each.scores[method][0] for each in others if method in each.scores] or [0.0])
-            for method in task.scores
-        }
-        steady, favourite = max(sorted(every), key=overall.__getitem__), max(overall, key=overall.__getitem__)
+        overall = {method: fmean(each.scores[method][0] for each in others) for method in every}
+        steady = max(sorted(every), key=overall.__getitem__)
         picked = {
-            "always the best that takes every form": steady,
-            "the best of those that take the form": favourite,
+            "always the best of all forms": steady,
             _ADVISE: rows[0].method if rows else steady,
             _BEST: max(task.scores, key=lambda method: task.scores[method][seen]),
         }
@@ -225,8 +221,8 @@ def _less(more: Sequence[float], own: Sequence[float]) -> str:
     """The mean difference, with its interval over the tasks."""
     value, ends = sampled.mean([np.array([most - each]) for most, each in zip(more, own, strict=True)])
     assert ends is not None
-    value, low, high = (recorded.number(str(each)) for each in (value, *ends))
-    return f"{value} [{low}, {high}]"
+    shown, low, high = (recorded.number(str(each)) for each in (value, *ends))
+    return f"{shown} [{low}, {high}]"
 
 
 def scores() -> str:

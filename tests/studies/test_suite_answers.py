@@ -77,8 +77,7 @@ def test_a_way_to_choose_is_judged_by_seeds_and_templates_that_it_has_not_seen(
     monkeypatch.setattr(answers, "drawn", lambda: tuple(tasks))
     first, second = answers._chosen(0, 1), answers._chosen(1, 0)
     assert {way: (first[way][0], second[way][0]) for way in first} == {
-        "always the best that takes every form": (0.0, 0.5),
-        "the best of those that take the form": (0.0, 0.5),
+        "always the best of all forms": (0.0, 0.5),
         answers._ADVISE: (0.0, 0.5),
         answers._BEST: (0.0, 0.5),
         "any method": (0.25, 0.75),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from stlbench.statistics.across import Estimate, Runs
 from stlbench.statistics.intervals import Interval
 
 ALL = "all"
+_T = TypeVar("_T")
 
 
 class Part(NamedTuple):
@@ -62,13 +63,13 @@ class Line(NamedTuple):
     fitted: Reached  # on the tasks that the method fits, or that both methods fit
 
 
-def common(fits: Iterable[Collection[int]], tasks: int) -> set[int]:
+def common(fits: Iterable[Collection[_T]], tasks: int) -> set[_T]:
     """The tasks on which methods are compared: those common to all methods that fit at least half of so many tasks.
 
     Shares over different tasks say nothing of methods. A method that fits few tasks would leave few in common.
     """
     many = [set(own) for own in fits if len(own) >= tasks / 2]
-    return set.intersection(*many) if many else set()
+    return set[_T].intersection(*many) if many else set()
 
 
 _Columns = dict[Column, Callable[[Line], Value]]
