@@ -16,6 +16,7 @@ from recorded import markdown
 
 from stlbench.records.result import LEARNED
 from stlbench.statistics import sampled
+from stlbench.statistics.across import Estimate
 from stlbench.statistics.differences import ALPHA, holm
 
 Runs = Mapping[str, Mapping[str, Sequence[float]]]
@@ -32,9 +33,12 @@ class Paired(NamedTuple):
     @property
     def told(self) -> str:
         """ "0.11 [0.04, 0.19]": the mean over tasks, with its interval where tasks are many."""
-        value, ends = sampled.difference(*(list(map(np.array, each)) for each in zip(*self.pairs, strict=True)))
-        shown = recorded.number(str(value), 2)
-        return f"{shown} [{recorded.number(str(ends.low), 2)}, {recorded.number(str(ends.high), 2)}]" if ends else shown
+        return _told(sampled.difference(*(list(map(np.array, each)) for each in zip(*self.pairs, strict=True))))
+
+    @property
+    def shares_told(self) -> str:
+        """The same of runs that learned."""
+        return _told(sampled.share_difference(*zip(*self.pairs, strict=True)))
 
     @property
     def chance(self) -> float:
@@ -43,6 +47,11 @@ class Paired(NamedTuple):
 
         more = np.array([fmean(one) - fmean(other) for one, other in self.pairs])
         return float(wilcoxon(more).pvalue) if more.any() else 1.0
+
+
+def _told(found: Estimate) -> str:
+    value, *ends = (recorded.number(str(each), 2) for each in (found.value, *(found.interval or ())))
+    return f"{value} [{', '.join(ends)}]" if ends else value
 
 
 def compared(runs: Runs, one: str, other: str) -> Paired:
@@ -66,7 +75,13 @@ def stated(folder: str = "suite-fresh") -> str:
     own, learned = runs(folder), runs(folder, "learned")
     found = [compared(own, *pair) for pair in STATED]
     body = [
-        [f"`{one}` less `{other}`", str(len(each.pairs)), each.told, compared(learned, one, other).told, _p(chance)]
+        [
+            f"`{one}` less `{other}`",
+            str(len(each.pairs)),
+            each.told,
+            compared(learned, one, other).shares_told,
+            _p(chance),
+        ]
         for (one, other), each, chance in zip(STATED, found, holm([each.chance for each in found]), strict=True)
     ]
     return markdown(["new and hard tasks", "tasks", "score", "share learned", "p, Holm"], body, right=4)

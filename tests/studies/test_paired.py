@@ -45,7 +45,7 @@ def test_the_p_value_by_hand(paired: ModuleType, monkeypatch: pytest.MonkeyPatch
     assert found.told.startswith("0.45 [")
     assert len(found.pairs) == 8
     assert len(paired.compared(own, "flag", "raw").pairs) == 1
-    assert paired.compared(paired.runs("any", "learned"), "funnel", "raw").told == "1.00 [1.00, 1.00]"
+    assert paired.compared(paired.runs("any", "learned"), "funnel", "raw").shares_told == "1.00 [0.65, 1.00]"
 
 
 def test_methods_that_are_the_same_do_not_differ(paired: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
