@@ -1,0 +1,52 @@
+"""The committed results are of today's code: `stlbench run` of their studies in a copy of a folder trains nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stlbench.records.identity import CellId
+from stlbench.records.stored import LINES
+from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choice
+from stlbench.study.plan import plan_cells
+from stlbench.study.provenance import here
+from stlbench.study.tracks import read_recipes
+
+RESULTS = Path(__file__).parents[2] / "results"
+RECIPES = {"survey": RESULTS / "survey-tuning" / "recipes.yaml"}
+SAMPLE = 3
+"""Rows of each folder."""
+
+
+def sample(folder: Path) -> list[dict[str, Any]]:
+    """Rows that are spread over the file.
+
+    Left out are those of plugins that are not installed, and those of budgets as they were before they had random
+    starts: these are trained again.
+    """
+    rows = [json.loads(line) for line in (folder / LINES).read_text(encoding="utf-8").splitlines()]
+    known = [row for row in rows if plugins.known("methods", row["method"].partition("[")[0])]
+    now = [row for row in known if "random" in (row.get("measurement") or {"selected": "random"})["selected"]]
+    return now[:: max(1, len(now) // SAMPLE)]
+
+
+@pytest.mark.parametrize(
+    "folder", sorted(path.parent for path in RESULTS.glob(f"*/{LINES}")), ids=lambda path: path.name
+)
+def test_a_sample_has_the_keys_of_today(folder: Path) -> None:
+    rows = sample(folder)
+    assert rows
+    versions = {name: text for name, text in here().items() if name not in ("machine", "python", "stlbench-rl")}
+    recipes = read_recipes(RECIPES.get(folder.name, RESULTS / "tuning" / "recipes.yaml"))
+    for row in rows:
+        if any(row.get("provenance", {}).get(name, version) != version for name, version in versions.items()):
+            pytest.skip("libraries have other versions, which are in the keys")
+        names = (parse_choice(row[name]) for name in ("task", "method", "agent"))
+        cell = CellId(*names, row["seed"], row["budget"], row["track"])
+        tuned = recipes if cell.track == "tuned" else None
+        (now,) = plan_cells([cell.task], [cell.method], [cell.agent], [cell.seed], cell.budget, cell.track, tuned)
+        assert now.key == row["key"], cell.name
