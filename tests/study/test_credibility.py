@@ -109,7 +109,8 @@ def test_traces_from_elsewhere(cell: Cell, honest: tuple[Result, Path], tmp_path
     assert "has no traces at" in str(contradiction(cell, found, tmp_path))
     path = cell_files(tmp_path, cell.id, cell.key).traces
     still = np.zeros((64, task.file.steps + 1, len(task.signals)))
-    for samples, said in ((still, "do not begin at the report's starts"), (still[:3], "traces from 3 starts, and its row says 64")):
+    fewer = (still[:3], "traces from 3 starts, and its row says 64")
+    for samples, said in ((still, "do not begin at the report's starts"), fewer):
         save_samples(path, samples, task.signals)
         with Examiner([cell], tmp_path) as examined:
             failed = examined(cell, found, 60)
