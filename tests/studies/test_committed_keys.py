@@ -20,6 +20,9 @@ RESULTS = Path(__file__).parents[2] / "results"
 RECIPES = {"survey": RESULTS / "survey-tuning" / "recipes.yaml"}
 SAMPLE = 3
 """Rows of each folder."""
+GONE = {"overlap-ends"}
+"""Folders of a recipe that no task has any more, which keep their keys."""
+FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}") if path.parent.name not in GONE)
 
 
 def sample(folder: Path) -> list[dict[str, Any]]:
