@@ -124,11 +124,11 @@ def test_a_task_file_is_read_with_its_characters_escaped(say, toy):
     content["agents"] = {"dqn": {"note": EVIL}}
     content["protocols"] = {"end\x1b\u202e": {"title": EVIL, "formula": "F[4,4] x <= 1", "starts": 8}}
     content["budgets"]["quick\x1b"] = content["budgets"]["quick"]
-    folder = Path("my-task")
+    folder = Path("unsafe-task")
     folder.mkdir()
     (folder / "task.yaml").write_text(yaml.safe_dump(content))
     (folder / "system.py").write_text(SYSTEM)
-    for words in (("show", "task", "./my-task"), ("show", "task", "./my-task", "--json")):
+    for words in (("show", "task", "./unsafe-task"), ("show", "task", "./unsafe-task", "--json")):
         done = say(*words)
         assert done.exit_code == 0, done.output
         assert not UNSAFE.search(done.stdout + done.stderr)
@@ -137,7 +137,7 @@ def test_a_task_file_is_read_with_its_characters_escaped(say, toy):
     assert json.loads(done.stdout)["title"].startswith('=cmd|"/c calc"!A1 \\x1b[31m')
     content["budgets"] = {"quick\nfast": content["budgets"]["quick"]}
     (folder / "task.yaml").write_text(yaml.safe_dump(content))
-    done = say("show", "task", "./my-task")
+    done = say("show", "task", "./unsafe-task")
     assert done.exit_code == 2
     assert "should be one line of characters that can be shown" in done.stderr
     assert not UNSAFE.search(done.stderr)
