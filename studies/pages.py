@@ -50,6 +50,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite-core": lambda: page_suite.methods("suite-core"),
         "suite-forms": lambda: page_suite.forms("suite-core"),
         "suite-corrected": paired.corrected,
+        "suite-fresh": paired.stated,
         "suite-sources": suite_answers.components,
         "suite-sizes": suite_answers.slopes,
         "suite-held-out": suite_answers.held_out,

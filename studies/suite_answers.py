@@ -139,7 +139,7 @@ def _unexplained(values: NDArray[np.float64], columns: NDArray[np.float64]) -> f
 def slopes() -> str:
     """How the score of `raw`, and how much more each other method has, goes with the size of the task (Spearman's).
 
-    Of every task the same seeds count.
+    Of every task the same seeds count. A row of which each interval holds 0 is left out.
     """
     body, seeds = [], _same_seeds(drawn())
     for method in ("raw", *(method for method in SHOWN if method != "raw")):
@@ -148,11 +148,14 @@ def slopes() -> str:
         more = own if method == "raw" else own - raw
         sizes = [np.array([task.size[name] for task in both]) for name in both[0].size]
         name = "`raw`" if method == "raw" else f"`{method}` less `raw`"
-        body.append([name, str(len(both)), *(_correlation(each, more) for each in sizes)])
+        found = [_correlation(each, more) for each in sizes]
+        if any(low * high > 0 for _, low, high in found):
+            shown = ([recorded.number(str(each), 2) for each in own] for own in found)
+            body.append([name, str(len(both)), *(f"{value} [{low}, {high}]" for value, low, high in shown)])
     return markdown(["score", "tasks", *drawn()[0].size], body, right=4)
 
 
-def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
+def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> tuple[float, float, float]:
     """Spearman's, with an interval from resamples of the tasks."""
     from scipy.stats import spearmanr
 
@@ -163,8 +166,7 @@ def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> str:
         if len({*one[chosen]}) > 1
     ]
     low, high = np.quantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    value, low, high = (recorded.number(str(each), 2) for each in (spearmanr(one, other).statistic, low, high))
-    return f"{value} [{low}, {high}]"
+    return float(spearmanr(one, other).statistic), float(low), float(high)
 
 
 def held_out() -> str:
