@@ -331,7 +331,7 @@ def _judged() -> Iterator[bytes]:
     generator = np.random.default_rng(23)
     walks = np.clip(np.cumsum(generator.normal(0, 0.5, (40, STEPS + 1, 2)), axis=1), -3.9, 3.9)
     without_end(walks, generator.integers(0, STEPS + 1, 40))
-    for text in FORMULAS:
+    for text in (*FORMULAS, "G[0,28] x >= -9"):  # the last holds wherever it goes
         formula = stl.parse(text)
         given = Specification(formula, ("x", "y"), (-4.0, -4.0), (4.0, 4.0), STEPS, 1.0, can_end=True)
         for terminated in ("hold", "violated", "interval"):
