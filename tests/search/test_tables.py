@@ -37,6 +37,13 @@ def test_numbers() -> None:
     }
 
 
+def test_one_evaluation_and_one_start_are_enough() -> None:
+    actor = still("G[0,8] a <= 1")
+    searched, certified = falsify(actor, How(evaluations=1)), certify(actor, Claim(starts=1))
+    assert (searched.evaluations, certified.starts, certified.satisfied) == (1, 1, 1)
+    assert min(searched.cpu_seconds, certified.cpu_seconds) >= 0
+
+
 def test_falsifications() -> None:
     violated, satisfied = falsify(still("G[0,8] a <= -2"), HOW), falsify(still("G[0,8] a <= 1"), HOW)
     table = falsifications([violated, satisfied])

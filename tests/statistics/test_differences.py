@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.statistics.differences import MOST_SEEDS, Pair, differences, exact_test, holm
+from stlbench.statistics import differences as tested
+from stlbench.statistics.differences import MOST_SEEDS, Look, Pair, _statistics, differences, exact_test, holm
 
 NORMAL = (stats.norm.ppf((np.arange(10) + 0.5) / 10) * 1.04).tolist()
 """Ten seeds that look as normal as ten can."""
@@ -48,6 +49,58 @@ def test_a_complete_separation_of_ten_seeds_is_decided_among_a_hundred_pairs_wha
     assert stats.ttest_ind(failed, learned, equal_var=False).pvalue > 0.05
     found, *_ = differences([pair, *[Pair(NORMAL, NORMAL)] * 99])
     assert (found.word, found.decided) == ("worse", ("mean", "rank", "learned"))
+
+
+def test_a_respect_decides_if_it_does_after_the_correction_that_its_pair_paid(monkeypatch):
+    """Two pairs have p .01, and .02 by Holm. So the rank's .03 becomes .06, which decides nothing."""
+    looks = (Look("mean", 0.01, 1), Look("rank", 0.03, -1), Look("learned", 0.024, 1))
+    monkeypatch.setattr(tested, "exact_test", lambda one, other: looks)
+    for found in differences([Pair(shifted(1), NORMAL)] * 2):
+        assert (found.alone, found.chance, found.word) == (0.01, 0.02, "better")
+        assert found.decided == ("mean", "learned")
+
+
+def test_one_seed_has_a_difference_and_no_more():
+    for alike in (False, True):
+        (found,) = differences([Pair([1.0], [0.25], alike=alike)])
+        assert (found.value, found.interval, found.chance) == (0.75, None, None)
+    (same,) = differences([Pair([1.0, 2.0], [0.25, 0.75], alike=True)])
+    assert (same.word, same.value) == ("=", 1.0)
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 7), (6, 2), (5, 5)])
+def test_the_first_statistic_of_the_observed_deal_is_welchs(n, m):
+    one, other = shifted(0.4)[:n], shifted(0, 2)[3 : 3 + m]
+    first, *_ = _statistics(*Pair(one, other).samples)
+    assert first[0] == pytest.approx(stats.ttest_ind(one, other, equal_var=False).statistic, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "margin"),
+    [
+        (shifted(0.4, 0.5)[:4], NORMAL[2:9], None),
+        (shifted(0.1, 0.3), shifted(0, 0.4)[1:9], 0.3),
+        (shifted(-0.1, 0.3), shifted(0, 0.4)[1:9], 0.3),
+        (shifted(0.01, 0.2), NORMAL[2:8], 0.4),
+    ],
+)
+def test_the_number_of_seeds_by_its_definition(one, other, margin):
+    """Each number in turn: apart at a third of 5 % by Welch's test, or with an interval within the margin."""
+    (found,) = differences([Pair(one, other, margin)])
+    assert found.word == "cannot tell"
+    freedom = stats.ttest_ind(one, other, equal_var=False).df
+    size, variances = np.mean(one) - np.mean(other), np.var(one, ddof=1) + np.var(other, ddof=1)
+    for seeds in range(max(len(one), len(other)) + 1, MOST_SEEDS + 1):
+        student = stats.t(min(freedom * (seeds - 1) / (min(len(one), len(other)) - 1), 2 * seeds - 2))
+        error = math.sqrt(variances / seeds)
+        power = student.cdf(abs(size) / error - student.ppf(1 - 0.05 / 3 / 2))
+        if margin is not None:
+            both = (student.cdf((margin + sign * size) / error - student.ppf(0.975)) for sign in (-1, 1))
+            power = max(power, sum(both) - 1)
+        if power >= 0.8:
+            break
+    assert found.seeds == seeds
+    assert 10 < seeds < MOST_SEEDS
 
 
 def test_what_decided_is_said_and_signs_that_disagree_are_mixed():

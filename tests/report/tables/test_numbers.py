@@ -17,9 +17,10 @@ from stlbench.report.tables.across import aggregates_table, fields, improvement_
 from stlbench.report.tables.alignment import align, alignment_table
 from stlbench.report.tables.cells import cells_table, circumstances, scores_and_cost, scores_table, time_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
-from stlbench.report.tables.controllers import Known, controllers_table
+from stlbench.report.tables.controllers import Known, best_known, controllers_table
 from stlbench.report.tables.robustness import overview, robustness_table
 from stlbench.rollout.standards import Standard
+from stlbench.task.file import BestKnown
 
 FIRST = result(
     robustness=(0.25, -0.5, 0.75, 1.0),  # mean 0.375, satisfied 3 of 4
@@ -101,6 +102,12 @@ def test_cells() -> None:
             "ended_early": None,
         }
     )
+
+
+def test_groups_of_cells_are_of_the_tasks_that_a_suite_drew() -> None:
+    rows = [row for group in condense([result(), result(task="drawn")]) for row in group.rows]
+    found = to_records(cells_table(rows, {"drawn": {"system": "arm"}}))
+    assert [(each["task"], each["system"]) for each in found] == [("drawn", "arm"), ("hold-disc", None)]
 
 
 def test_cells_of_a_page() -> None:
@@ -265,6 +272,19 @@ def test_controllers() -> None:
             "at random satisfied [%]": 0.0,
         }
     )
+
+
+@pytest.mark.parametrize(
+    ("by_hand_gets", "plan_gets", "best"), [(0.2, None, 0.25), (0.4, None, 0.4), (0.2, 0.3, 0.3), (0.4, 0.3, 0.4)]
+)
+def test_the_best_known_is_the_most_that_was_stated_or_reached(
+    by_hand_gets: float, plan_gets: float | None, best: float
+) -> None:
+    """The file states .25. A policy that was trained does not count."""
+    standard = Standard(by_hand=score((by_hand_gets,)), best_known=BestKnown(robustness=0.25, upper_bound=0.6))
+    plans = [] if plan_gets is None else [plan(robustness=(plan_gets,))]
+    groups = condense([result(robustness=(0.9,)), *plans])
+    assert best_known(groups, {"hold-disc": standard}) == {Choice("hold-disc"): best}
 
 
 def test_comparisons() -> None:

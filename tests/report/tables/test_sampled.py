@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from helpers.synthetic_results import result, score
 
+from stlbench.registry.choices import Choice
 from stlbench.report import Report, condense
 from stlbench.report.tables.across import fields
 from stlbench.report.tables.controllers import Known
@@ -82,6 +85,15 @@ def test_two_methods_are_compared_on_tasks_that_both_fit():
     assert (other, both, learned, more) == ("good", "9 of 10", -50.0, pytest.approx(-0.25))
     assert ends.low < -0.25 < ends.high
     assert found["d", "bad"] == ("good", "1 of 2", -50.0, None, pytest.approx(-0.25), None)
+
+
+def test_they_are_compared_so_whichever_of_the_two_fits_fewer():
+    """As above, with the names exchanged: the first of a pair fits all tasks."""
+    renamed = {"good": "ace", "bad": "poor"}
+    other = [replace(each, id=replace(each.id, method=Choice(renamed[str(each.id.method)]))) for each in RESULTS]
+    found = rows(pairs_table(fields(condense(other), Known(STANDARDS))))
+    assert found["all", "ace"][:3] == ("poor", "9 of 10", 50.0)
+    assert found["d", "ace"][:3] == ("poor", "1 of 2", 50.0)
 
 
 def test_tasks_that_no_suite_drew_have_no_groups():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -117,6 +118,9 @@ def test_cells() -> None:
     ended = replace(score(THIRDS), ended_early=1 / 6)
     (scores,) = scores_and_cost(replace(measurement(), selected={"formula": ended}), outside=True)
     assert shown(scores)["ended early [%]"] == "16.7"
+    measured = replace(measurement(), selected={"formula": ended})
+    table = robustness_table(condense([replace(RESULTS[0], measurement=measured)]), KNOWN)
+    assert shown(table)["ended early [%]"] == "16.7"
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(59.94, "59.9 seconds"), (60, "1.0 minutes"), (3599, "60.0 minutes")])
@@ -217,6 +221,10 @@ def test_across_and_drawn_tasks() -> None:
     assert pair == {"probability": "0.00", "95 % interval": "[0.00, 0.00]"}
     groups, pairs = shown(groups_table(several), 1), shown(pairs_table(several))
     assert (groups["learned [%]"], groups["score"]) == ("67", "0.56")
+    for found, title in ((groups, "learned"), (pairs, "learned more often")):
+        ends = [value for name, value in found.items() if name.startswith("learned 95") and name.endswith("[%]")]
+        assert re.fullmatch(r"\[-?\d+, -?\d+\]", ends[0]), title
+        assert re.fullmatch(r"\[-?\d\.\d\d, -?\d\.\d\d\]", found["score 95 % interval"])
     assert (pairs["learned more often [%]"], pairs["higher score"]) == ("-67", "-0.41")
 
 
