@@ -44,7 +44,11 @@ Name = Annotated[str, AfterValidator(_is_name)]
 """Text by which something is found again, which is refused where it is not safe."""
 
 
-def first_problem(error: ValidationError) -> str:
-    """Where the first wrong value is, and which rule it breaks, in one line: "curve.0.steps: should be at least 0"."""
+def first_problem(error: ValidationError, *above: str) -> str:
+    """Where the first wrong value is, and which rule it breaks, in one line: "curve.0.steps: should be at least 0".
+
+    What was checked may itself be a part: the names `above` lead to it.
+    """
     first = error.errors(include_url=False, include_input=False)[0]
-    return one_line(": ".join(filter(None, (".".join(map(str, first["loc"])), in_words(first["msg"])))))
+    place = ".".join(map(str, (*above, *first["loc"])))
+    return one_line(": ".join(filter(None, (place, in_words(first["msg"])))))

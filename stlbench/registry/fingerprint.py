@@ -133,8 +133,9 @@ def _run(tree: ast.Module) -> Iterator[ast.AST]:
     while pending:
         node = pending.pop()
         yield node
-        for_checkers = isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
-        children = node.orelse if isinstance(node, ast.If) and for_checkers else ast.iter_child_nodes(node)
+        children: Iterable[ast.AST] = ast.iter_child_nodes(node)
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+            children = node.orelse
         pending += (child for child in children if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case))
 
 

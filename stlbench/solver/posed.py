@@ -108,11 +108,12 @@ def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
     for path in folder.iterdir() if folder.is_dir() else ():
         inside(path, folder)  # all that is written, before anything is trained
     if asked.is_file():
-        if not is_of(problem, folder):
-            raise UsageError(f"{folder} has another problem, {_shown(_state(folder)['problem'])}; name another folder")
+        state = _state(folder)
+        if state["problem"] != asdict(problem):
+            raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
         _refuse_other_code(problem, home)
         folders.know(home, instead=True)
-        return Posed(folder, _state(folder)["episode_seconds"])
+        return Posed(folder, state["episode_seconds"])
     if home.exists():
         raise UsageError(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"

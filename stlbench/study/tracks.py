@@ -10,7 +10,8 @@ from typing import Any
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from stlbench.errors import UsageError, in_words, one_line
+from stlbench.errors import UsageError, one_line
+from stlbench.records.fields import first_problem
 from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
@@ -60,9 +61,7 @@ def read_recipes(path: Path) -> Recipes:
     except (KeyError, TypeError) as error:
         raise UsageError(f"{path}: a file of recipes has the key recipes, as `stlbench tune` writes it") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, ("recipes", *first["loc"])))
-        raise UsageError(f"{path}: {place}: {in_words(first['msg'])}") from error
+        raise UsageError(f"{path}: {first_problem(error, 'recipes')}") from error
     return Recipes(recipes_found, str(path))
 
 

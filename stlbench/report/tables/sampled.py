@@ -115,9 +115,9 @@ def _numbers(of: _Of, tasks: str, learned: str, score: str, where: str = "", dro
 def group_lines(field: Field) -> Iterator[Line]:
     """One for each method on all tasks and on each group, of the methods that fit any of its tasks."""
     for part in parts(field):
-        fits = {entry: _fitting(part, entry) for entry in field.entries}
-        shared = common(fits.values(), len(part.places))
-        for entry, own in fits.items():
+        fits = [_fitting(part, entry) for entry in field.entries]
+        shared = common(fits, len(part.places))
+        for entry, own in zip(field.entries, fits, strict=True):
             if own:
                 compared = _reached(entry, sorted(shared)) if shared and shared <= {*own} else None
                 yield Line(field, part, entry.method, "", compared, _reached(entry, own))
