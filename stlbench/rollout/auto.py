@@ -14,17 +14,15 @@ from typing import Any
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import ActionBox, Array, RewardMethod, System
+from stlbench.contract import ActionBox, RewardMethod, System
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
 from stlbench.rollout.exploring import fulfilling
-from stlbench.rollout.worlds import make_world
+from stlbench.rollout.rewrites import initial_samples, rewarded, scheduled
 from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
-from stlbench.task.derived import derived
 from stlbench.task.entry import Region
 from stlbench.task.file import Budget, Ending, Exploring, TaskFile, TrainingEpisodes
-from stlbench.task.forms import regular
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
 from stlbench.task.windows import windows
@@ -76,8 +74,6 @@ LENGTH = 40
 """Decisions after which such an episode is broken off, on average; at most half of the task's."""
 _FEWEST = 16
 """States, of those drawn, that fulfil a goal; otherwise no episodes begin there."""
-_FEW = 8
-"""Copies of an environment whose first samples are looked at; of a system eight times as many."""
 
 
 def for_every_method(task: Task, agent: str, track: Track) -> Task:
@@ -95,15 +91,20 @@ def automatic(task: Task, agent: str) -> Task:
 
     Raises `UsageError` where it leaves out what no rule derives for it.
     """
-    helped = _helped(task, agent)
+    schedule = scheduled(task)
+    if "schedule" in task.left_out:
+        if schedule is None:
+            raise UsageError(f"{task.choice}: the task is without schedule as it is on the track auto")
+        schedule = None
+    helped = _helped(replace(task, file=task.file.model_copy(update={"schedule": schedule})), agent)
     for part in task.left_out:
-        if part != "hold":  # the task's own, which no rule derives
+        if part not in ("hold", "schedule"):  # the first is the task's own, the second is left out already
             try:
                 helped = helped.without(part)
             except ValueError as error:
                 raise UsageError(f"{task.choice}: {error} on the track auto") from error
     if "rewarded" in task.left_out:
-        helped = helped.model_copy(update={"nested": task.file.nested})
+        helped = helped.model_copy(update={"nested": None if schedule is not None else task.file.nested})
     return replace(task, file=helped)
 
 
@@ -111,19 +112,15 @@ def _helped(task: Task, agent: str) -> TaskFile:
     """The task's file with all help."""
     file = task.file
     bare = replace(task, file=file.model_copy(update={"training": TrainingEpisodes()}))
-    units = {name: signal.unit for name, signal in file.signals.items()}
-    initial = _initial(bare)
-
-    def rewarded(formula: Formula) -> Formula:
-        return derived(regular(formula), file.box, units, initial)
-
+    initial = initial_samples(bare)
+    nested = None if file.nested is None or file.schedule is not None else rewarded(file.nested, file, initial)
     return file.model_copy(
         update={
             "features": "formula",
-            "rewarded": rewarded(file.formula),
-            "nested": None if file.nested is None else rewarded(file.nested),
+            "rewarded": rewarded(file.followed, file, initial),
+            "nested": nested,
             "training": TrainingEpisodes(
-                cuts=cuts(file.formula, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
+                cuts=cuts(file.followed, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
             ),
             "budgets": {name: _budget(name, budget, file.steps) for name, budget in file.budgets.items()},
             "agents": {agent: recipe(agent, task)},
@@ -148,7 +145,7 @@ def recipe(agent: str, task: Task) -> dict[str, Any]:
     if (grid := task.recipe(agent).get("grid")) is not None:
         parameters["grid"] = grid
     if "gamma" in parameters:
-        again = max((node.b for node in recurring(task.formula)), default=0) / task.file.hold
+        again = max((node.b for node in recurring(task.file.followed)), default=0) / task.file.hold
         reaches = [parameters["gamma"], 1 - 1 / max(1.0, 2.5 * again)]
         if isinstance(task.actions, ActionBox):
             reaches.append(min(_MOST, 1 - 4 * task.file.hold / task.file.steps))
@@ -188,18 +185,10 @@ def _ends(task: Task) -> tuple[Ending, ...]:
     """A training episode ends where a signal leaves its range that an invariant over half of the task or more reads."""
     if not isinstance(task.dynamics, System):
         return ()
-    long = [window for window in windows(task.formula) if window.invariant and 2 * window.end >= task.file.steps]
+    long = [window for window in windows(task.file.followed) if window.invariant and 2 * window.end >= task.file.steps]
     names = [name for name in task.signals if any(name in stl.signals(window.psi) for window in long)]
     ends = [f"{name} < {task.file.box[name][0]!r} | {name} > {task.file.box[name][1]!r}" for name in names]
     return (Ending.model_validate({"where": " | ".join(ends)}),) if ends else ()
-
-
-def _initial(task: Task) -> Array:
-    """Signals (n, k) at the start of some episodes, always the same ones."""
-    count = 8 * _FEW if isinstance(task.dynamics, System) else _FEW
-    world = make_world(task, count)
-    world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
-    return world.signals
 
 
 def _exploring(task: Task) -> Exploring | None:
@@ -218,7 +207,7 @@ def _exploring(task: Task) -> Exploring | None:
     for name, (low, high) in task.file.initial.box.items():
         least, greatest = task.file.box.get(name, (low, high))
         box[name] = min(low, least), max(high, greatest)
-    parts = windows(task.formula)
+    parts = windows(task.file.followed)
     held = [part.psi for part in parts if part.invariant and {*stl.signals(part.psi)} <= {*box}]
     if not {*box} & {*task.file.box} and task.file.initial.where is not None:
         held.append(task.file.initial.where)

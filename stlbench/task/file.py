@@ -186,7 +186,7 @@ class Baselines(Entry):
     random: Baseline
 
 
-OPTIONAL = ("features", "rewarded", "hold", "cuts", "ends", "near", "exploring")
+OPTIONAL = ("features", "schedule", "rewarded", "hold", "cuts", "ends", "near", "exploring")
 """What a task can be trained without, to learn what it is worth."""
 BY_HAND = ("rewarded", "nested", "features", "training", "agents")
 """What a `by_hand.yaml` may say in place of the `task.yaml` beside it: what somebody made so that a robot learns."""
@@ -204,6 +204,8 @@ class TaskFile(Entry):
     rewarded: Formula | None = None
     """The formula as reward methods see it, with predicates brought to one scale, capped or stretched:
     satisfied when the formula is. The referee scores `formula`."""
+    schedule: Annotated[Formula | None, Field(exclude_if=lambda value: value is None)] = None
+    """A conjunction of terms of eq. 2 that implies `formula`. Training follows it; the referee scores `formula`."""
     nested: Formula | None = None
     """The same task as an outer operator over an inner window, for methods that need that form."""
     time: Literal["steps", "seconds"] = "steps"
@@ -250,6 +252,11 @@ class TaskFile(Entry):
     """Agent -> recipe, the same for every method. The first is the task's own agent. A task without any recipe is
     trained on the track `auto` unless another track is named."""
     budgets: Annotated[dict[Name, Budget], Field(min_length=1)]
+
+    @property
+    def followed(self) -> stl.Formula:
+        """The formula whose windows training follows."""
+        return self.formula if self.schedule is None else self.schedule
 
     @property
     def box(self) -> dict[str, tuple[float, float]]:

@@ -107,7 +107,7 @@ class Task:
     def specification(self) -> Specification:
         ranges = self.file.signals.values()
         return Specification(
-            formula=self.formula if self.file.rewarded is None else self.file.rewarded,
+            formula=self.file.followed if self.file.rewarded is None else self.file.rewarded,
             signals=self.signals,
             low=tuple(signal.low for signal in ranges),
             high=tuple(signal.high for signal in ranges),
@@ -123,7 +123,7 @@ class Task:
         if self.file.features != "formula":
             return None
         bent = self._bent(self.dynamics) if isinstance(self.dynamics, System) else None
-        return FormulaView(self.formula, self.file.box, self.file.steps, bent)
+        return FormulaView(self.file.followed, self.file.box, self.file.steps, bent)
 
     def _bent(self, system: System, copies: int = 16, decisions: int = 40) -> Truth:
         """Which numbers of the state are more than the signals, on a random walk; all where it leaves the numbers."""

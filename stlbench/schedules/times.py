@@ -1,0 +1,171 @@
+"""The steps of a plan: a linear programme, and a search over the order of what excludes each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import linprog
+
+from stlbench.contract import Array
+from stlbench.schedules.plan import At, Event, Held, Plan
+from stlbench.schedules.regions import Regions
+
+MOST_NODES = 300
+"""Linear programmes that are solved for one plan."""
+MOST_PACE = 1e4
+_TOLERANCE = 1e-6
+_LENGTH = 0.5
+"""Of what is held, a step costs so much of what a step in the width of a window is worth."""
+
+_Item = Event | Held
+
+
+@dataclass(frozen=True)
+class Times:
+    """Values of a plan's variables, and the pace: the steps for a unit of distance that every way has at least."""
+
+    pace: float
+    values: tuple[int, ...]
+    order: tuple[tuple[int, int], ...] = ()
+    """Pairs of items, of events and then of what is held: the first is over before the second begins."""
+
+
+@dataclass(frozen=True)
+class _Row:
+    """earlier + gap + pace * distance <= later."""
+
+    earlier: At
+    later: At
+    gap: int = 0
+    distance: float = 0.0
+
+
+class Programme:
+    """The linear programme of one plan.
+
+    Args:
+        plan: events, what is held, and rows.
+        regions: distances.
+        hold: steps for which an action is held, the least width of a window.
+    """
+
+    def __init__(self, plan: Plan, regions: Regions, hold: int) -> None:
+        self.plan, self._regions, self._hold = plan, regions, hold
+        self._items: tuple[_Item, ...] = (*plan.events, *plan.held)
+        self._pairs = [
+            (i, j)
+            for i, j in combinations(range(len(self._items)), 2)
+            if regions.exclusive(self._items[i].psi, self._items[j].psi)
+        ]
+        self._rows = [_Row(earlier, later) for earlier, later in plan.rows]
+        self._rows += [_Row(event.begin, event.end, hold) for event in plan.events]
+        self._rows += [row for item in self._items for row in self._arrival(item)]
+
+    def _arrival(self, item: _Item) -> list[_Row]:
+        """From the start to an item."""
+        distance = self._regions.distance(None, item.psi)
+        if distance == 0:
+            return []
+        if isinstance(item, Held):
+            return [_Row(At(0), item.begin, 0, distance)]
+        return [_Row(At(0), item.end, self._hold, distance)]
+
+    def _apart(self, first: _Item, second: _Item) -> list[_Row]:
+        """The first item is over before the second one begins, and there is time for the way."""
+        over = first.end + (first.stay if isinstance(first, Event) else 0)
+        distance = self._regions.distance(first.psi, second.psi)
+        if isinstance(second, Held):
+            return [_Row(over, second.begin, 1, distance)]
+        if isinstance(first, Held):
+            return [_Row(over, second.begin, 1), _Row(over, second.end, self._hold, distance)]
+        return [_Row(over, second.begin), _Row(over, second.end, self._hold, distance)]
+
+    def best(self, least: float = -1.0) -> Times | None:
+        """The times of the greatest pace; None where none is greater than `least`, or all exclude each other."""
+        found, bound = None, least
+        pending: list[tuple[tuple[int, int], ...]] = [()]
+        for _ in range(MOST_NODES):
+            if not pending:
+                break
+            order = pending.pop()
+            solved = self._solved(order)
+            if solved is None or solved[-1] <= bound + _TOLERANCE:
+                continue
+            clash = self._clash(solved, order)
+            if clash is None:
+                bound = float(solved[-1])
+                found = order
+                continue
+            first, second = clash
+            later = self._middle(solved, first) > self._middle(solved, second)
+            branches = [(*order, (first, second)), (*order, (second, first))]
+            pending += branches if later else branches[::-1]  # the likelier order comes last and is tried first
+        return None if found is None else self._settled(found, bound)
+
+    def _settled(self, order: tuple[tuple[int, int], ...], pace: float) -> Times:
+        """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them."""
+        solved = self._solved(order, pace - _TOLERANCE)
+        assert solved is not None
+        values = np.floor(solved[:-1] + _TOLERANCE).astype(int)
+        return Times(pace, tuple(values.tolist()), order)
+
+    def _middle(self, solved: Array, item: int) -> float:
+        each = self._items[item]
+        return _at(solved, each.begin) + _at(solved, each.end)
+
+    def _clash(self, solved: Array, order: Sequence[tuple[int, int]]) -> tuple[int, int] | None:
+        """The first pair whose order is open and that would be at the same time, or too near."""
+        decided = {*order, *((j, i) for i, j in order)}
+        for i, j in self._pairs:
+            if (i, j) not in decided and not any(
+                all(self._kept(solved, row) for row in self._apart(self._items[a], self._items[b]))
+                for a, b in ((i, j), (j, i))
+            ):
+                return i, j
+        return None
+
+    def _kept(self, solved: Array, row: _Row) -> bool:
+        return _at(solved, row.earlier) + row.gap + solved[-1] * row.distance <= _at(solved, row.later) + 1e-5
+
+    def _solved(self, order: Sequence[tuple[int, int]], pace: float | None = None) -> Array | None:
+        """The values of all variables and the pace, greatest; with a pace, the widest windows at it."""
+        rows = self._rows + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
+        count = self.plan.variables + 1
+        widths = len(self.plan.events) if pace is not None else 0
+        left = np.zeros((len(rows) + 2 * widths, count + widths))
+        right = np.zeros(len(left))
+        for place, row in enumerate(rows):
+            for step, sign in ((row.earlier, 1.0), (row.later, -1.0)):
+                if step.variable is not None:
+                    left[place, step.variable] += sign
+            left[place, count - 1] = row.distance
+            right[place] = row.later.offset - row.earlier.offset - row.gap
+        cost = np.zeros(count + widths)
+        if pace is not None:  # nothing is held longer than it has to be
+            for held in self.plan.held:
+                for step, sign in ((held.end, _LENGTH), (held.begin, -_LENGTH)):
+                    if step.variable is not None:
+                        cost[step.variable] += sign
+        bounds: list[tuple[float, float | None]] = [(0, None)] * self.plan.variables + [(0, MOST_PACE)]
+        if pace is None:
+            cost[count - 1] = -1.0
+        else:
+            bounds[-1] = (max(0.0, pace), MOST_PACE)
+            cost[count:] = -1.0
+            for k, event in enumerate(self.plan.events):
+                place = len(rows) + k
+                left[place, count + k] = 1.0
+                for step, sign in ((event.end, -1.0), (event.begin, 1.0)):
+                    assert step.variable is not None
+                    left[place, step.variable] += sign
+                right[place] = event.end.offset - event.begin.offset
+            bounds += [(0, None)] * widths
+        solved = linprog(cost, A_ub=left, b_ub=right, bounds=bounds, method="highs")
+        return solved.x[:count] if solved.status == 0 else None
+
+
+def _at(solved: Array, step: At) -> float:
+    return step.offset + (0.0 if step.variable is None else float(solved[step.variable]))
