@@ -30,6 +30,10 @@ _EARLY = (
 )
 
 
+_CELLS, _BAR = 30, "\u2588"
+"""A time line has so many characters; one that lies in a window is this."""
+
+
 def task(
     name: TaskName,
     track: Annotated[
@@ -85,6 +89,8 @@ def _lines(facts: dict[str, Any]) -> Iterator[str | Table]:
         yield f"best:     {_best(facts['best_known'])}"
     if facts["notes"]:
         yield f"notes:    {facts['notes']}"
+    if isinstance(facts["schedule"], str):
+        yield f"schedule: none: {facts['schedule']}"
     if isinstance(facts["terms"], str):
         yield f"terms:    {facts['terms']}"
     yield ""
@@ -121,6 +127,8 @@ def _best(best: dict[str, Any]) -> str:
 
 def _tables(facts: dict[str, Any]) -> Iterator[Table]:
     terms = facts["terms"] if isinstance(facts["terms"], list) else []
+    if isinstance(facts["schedule"], dict):
+        yield _timeline(facts["schedule"], facts["steps"])
     training = [{"part": key, "how they differ": _text(part)} for key, part in facts["training"].items() if part != ()]
     recipes = [{"agent": key, "parameters": _listed(recipe)} for key, recipe in facts["agents"].items()]
     methods = [{"method": key} | _summary(made) for key, made in facts["methods"].items()]
@@ -139,6 +147,18 @@ def _tables(facts: dict[str, Any]) -> Iterator[Table]:
     for title, rows, notes in parts:
         if rows:
             yield table(title, [{key: _plain(value) for key, value in row.items()} for row in rows], *notes)
+
+
+def _timeline(schedule: dict[str, Any], steps: int) -> Table:
+    """The windows of a schedule over the time of an episode."""
+    rows: list[dict[str, Value]] = []
+    for window in schedule["windows"]:
+        first, last = (round(window[end] * _CELLS / steps) for end in ("begin", "end"))
+        bar = " " * first + _BAR * max(1, last - first)
+        rows.append({**window, "time": bar.ljust(_CELLS)})
+    pace = f"{schedule['steps_per_unit']:.3g} steps for each unit of distance"
+    note = f"The schedule implies the formula. Each way has at least {pace}. The referee scores the formula itself."
+    return table("Schedule: the windows that training follows", rows, note)
 
 
 def _equal(facts: dict[str, Any]) -> list[str]:

@@ -19,7 +19,9 @@ from stlbench.registry import plugins
 from stlbench.rollout.baselines import Constants
 from stlbench.rollout.observing import size_without
 from stlbench.rollout.questions import Question, answers
+from stlbench.rollout.rewrites import alternatives
 from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
+from stlbench.schedules.derive import UnscheduledError
 from stlbench.study.fitting import fit
 from stlbench.study.plugin_guard import ask
 from stlbench.task.task import Task
@@ -40,6 +42,7 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
         **{name: getattr(file, name) for name in _AS_STATED},
         "formula": str(task.formula),
         "rewarded": None if file.rewarded is None else str(file.rewarded),
+        "schedule": _schedule(task) if track == "auto" else None,
         "horizon": stl.horizon(task.formula),
         # a policy's view: "engineered" or "state" of a system, "observation" of anything else, "formula" of both
         "features": file.features if system or task.view else "observation",
@@ -68,6 +71,26 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
             dict(vars(difference)) for difference in differences(task.choice, plugins.available("methods"), ask, track)
         ],
     }
+
+
+def _schedule(task: Task) -> dict[str, Any] | str | None:
+    """The windows that training follows; why there are none; None where they are the formula's own."""
+    try:
+        found = alternatives(task)
+    except UnscheduledError as error:
+        return one_line(error)
+    if task.file.schedule is None:
+        return None
+    windows = [
+        {
+            "condition": str(term.psi),
+            "asks": {"F": "at one step", "FG": f"for {term.length - 1} steps", "G": "all the time"}[term.kind],
+            "begin": term.start,
+            "end": term.end,
+        }
+        for term in found[0].terms
+    ]
+    return {"steps_per_unit": found[0].pace, "alternatives": len(found), "windows": windows}
 
 
 def _dumped(parts: Mapping[str, BaseModel]) -> dict[str, dict[str, Any]]:

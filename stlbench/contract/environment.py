@@ -134,10 +134,10 @@ class Environment(Protocol):
 
 @runtime_checkable
 class CounterfactualEnvironment(Environment, Protocol):
-    """An addition, for agents that learn from other memories too, as `dqn` does with the methods cfer and machine."""
+    """An addition, for agents that learn from other memories too, as `dqn` does with the methods cfer, counters and machine."""
 
-    counterfactuals: bool
-    """Whether the method has a `counterfactual`."""
+    counterfactuals: int
+    """How many times an agent should ask for a `counterfactual` of each step; 0 where the method has none."""
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         """The last step once more, as if each copy had had another memory of the method, drawn by the generator.

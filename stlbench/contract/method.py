@@ -119,8 +119,8 @@ class RewardMethod:
         """
         return np.zeros(len(memory), dtype=np.bool_)
 
-    counterfactuals: bool = False
-    """Whether the method has a `counterfactual`."""
+    counterfactuals: int = 0
+    """From how many other memories each transition should be learned, beside its own; 0 without a `counterfactual`."""
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
         """Another memory that the copies could have at a sample.

@@ -18,7 +18,7 @@ from stlbench.contract import ActionBox, RewardMethod, System
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
 from stlbench.rollout.exploring import fulfilling
-from stlbench.rollout.rewrites import initial_samples, rewarded, scheduled
+from stlbench.rollout.rewrites import initial_samples, rewrites, scheduled
 from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
 from stlbench.task.entry import Region
@@ -113,11 +113,13 @@ def _helped(task: Task, agent: str) -> TaskFile:
     file = task.file
     bare = replace(task, file=file.model_copy(update={"training": TrainingEpisodes()}))
     initial = initial_samples(bare)
-    nested = None if file.nested is None or file.schedule is not None else rewarded(file.nested, file, initial)
+    nested = None
+    if file.nested is not None and file.schedule is None:
+        nested = rewrites(file.model_copy(update={"formula": file.nested}), initial)[-1].formula
     return file.model_copy(
         update={
             "features": "formula",
-            "rewarded": rewarded(file.followed, file, initial),
+            "rewarded": rewrites(file, initial)[-1].formula,
             "nested": nested,
             "training": TrainingEpisodes(
                 cuts=cuts(file.followed, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)

@@ -45,7 +45,7 @@ class _Still:
         self._environment, self._left, self._stage = environment, _STEPPED, stage
         self.count, self.observation_size = environment.count, environment.observation_size
         self.actions, self.hold = environment.actions, environment.hold
-        self.counterfactuals = isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals
+        self.counterfactuals = environment.counterfactuals if isinstance(environment, CounterfactualEnvironment) else 0
 
     def reset(self) -> Array:
         self._stage.check()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -10,8 +11,8 @@ import numpy as np
 from stlbench.contract import Array, System
 from stlbench.rollout.worlds import make_world
 from stlbench.schedules.derive import UnscheduledError
-from stlbench.schedules.regions import Regions
 from stlbench.schedules.plan import conjunction
+from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import Schedule, is_schedule, pursued, schedules
 from stlbench.stl import Formula, fragment
 from stlbench.task.derived import derived
@@ -23,6 +24,8 @@ _FEW = 8
 """Copies of an environment whose first samples are looked at; of a system eight times as many."""
 
 Relation: TypeAlias = Literal["equivalent", "stronger", "weaker"]
+"""Of a new formula to the one before. It is satisfied by the same traces; by some of these alone; by these and perhaps
+by others."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,6 @@ class Rewrite:
 
     rule: str
     relation: Relation
-    """Of the new formula to the one before: the traces that satisfy it are the same, some of these, or more."""
     formula: Formula
 
 
@@ -40,15 +42,34 @@ def schedule_of(task: Task) -> Schedule | None:
 
     Raises `UnscheduledError` where there is none, with the operator or the step and the reason.
     """
-    file, regions = task.file, regions_of(task)
-    if is_schedule(regular(file.formula), regions):
-        return None
-    return schedules(file.formula, regions, file.hold, file.steps)[0]
+    found = alternatives(task)
+    return found[0] if found else None
 
 
-def regions_of(task: Task) -> Regions:
-    """The distances of a task, from its ranges and its starts."""
-    return Regions(task.file.box, units(task.file), initial_samples(task))
+def alternatives(task: Task) -> tuple[Schedule, ...]:
+    """The schedules of a task's formula, the best first; none where the formula is a schedule already.
+
+    Raises `UnscheduledError`.
+    """
+    file, initial = task.file, initial_samples(task)
+    box, unit = tuple(file.box.items()), tuple(units(file).items())
+    return _alternatives(file.formula, box, unit, tuple(map(tuple, initial.tolist())), file.hold, file.steps)
+
+
+@lru_cache(maxsize=256)
+def _alternatives(
+    formula: Formula,
+    box: tuple[tuple[str, tuple[float, float]], ...],
+    unit: tuple[tuple[str, str], ...],
+    initial: tuple[tuple[float, ...], ...],
+    hold: int,
+    steps: int,
+) -> tuple[Schedule, ...]:
+    """Kept, since a run asks for each task once for each of its methods and seeds."""
+    regions = Regions(dict(box), dict(unit), np.array(initial))
+    if is_schedule(regular(formula), regions):
+        return ()
+    return tuple(schedules(formula, regions, hold, steps))
 
 
 def scheduled(task: Task) -> Formula | None:
@@ -60,11 +81,26 @@ def scheduled(task: Task) -> Formula | None:
     return None if found is None else found.formula
 
 
-def rewarded(formula: Formula, file: TaskFile, initial: Array) -> Formula:
-    """The formula that methods are given, of a formula of the task: in regular form and on one scale."""
-    if formula is file.schedule:
-        formula = conjunction(pursued(fragment(formula), Regions(file.box, units(file), initial)))
-    return derived(regular(formula), file.box, units(file), initial)
+def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
+    """The formulas from the task's own to the one that methods are given; rules that change nothing are left out.
+
+    Args:
+        file: of a task, with its schedule where it has one.
+        initial: samples (n, k) at the start of episodes.
+    """
+    found = [Rewrite("task", "equivalent", file.formula)]
+
+    def add(rule: str, relation: Relation, formula: Formula) -> None:
+        if formula != found[-1].formula:
+            found.append(Rewrite(rule, relation, formula))
+
+    if file.schedule is not None:
+        add("schedule", "stronger", file.schedule)
+        earlier = pursued(fragment(file.schedule), Regions(file.box, units(file), initial))
+        add("begins", "weaker", conjunction(earlier))
+    add("form", "weaker", regular(found[-1].formula))
+    add("scale", "equivalent", derived(found[-1].formula, file.box, units(file), initial))
+    return tuple(found)
 
 
 def units(file: TaskFile) -> dict[str, str]:

@@ -48,7 +48,8 @@ class Regions:
         if margins.max() < 0:
             return None
         deep = points[margins >= min(_DEEP * scale(psi, self.box).near, margins.max())]
-        return deep[:: -(-len(deep) // _KEPT)]
+        thinned: Array = deep[:: -(-len(deep) // _KEPT)]
+        return thinned
 
     def _exclusive(self, first: Formula, second: Formula) -> bool:
         """Whether both never hold at once, as far as points that were drawn say."""

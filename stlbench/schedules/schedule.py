@@ -8,9 +8,9 @@ from itertools import combinations
 
 from stlbench import stl
 from stlbench.schedules.derive import UnscheduledError, plans
-from stlbench.schedules.plan import Plan, conjunction
+from stlbench.schedules.plan import conjunction
 from stlbench.schedules.regions import Regions
-from stlbench.schedules.times import Programme, Times
+from stlbench.schedules.times import Programme
 from stlbench.stl import Formula, Term
 
 
@@ -81,7 +81,7 @@ def pursued(terms: Sequence[Term], regions: Regions) -> tuple[Term, ...]:
 
 
 def is_schedule(formula: Formula, regions: Regions) -> bool:
-    """Whether it is one already: terms of eq. 2 whose goals are apart in time where their conditions exclude each other."""
+    """Whether it is one already: terms of eq. 2, and goals that exclude each other have windows that do not overlap."""
     try:
         terms = stl.fragment(formula)
     except stl.FragmentError:

@@ -92,7 +92,7 @@ class Programme:
                 break
             order = pending.pop()
             solved = self._solved(order)
-            if solved is None or solved[-1] <= bound + _TOLERANCE:
+            if solved is None or float(solved[-1]) <= bound + _TOLERANCE:
                 continue
             clash = self._clash(solved, order)
             if clash is None:
@@ -107,7 +107,9 @@ class Programme:
 
     def _settled(self, order: tuple[tuple[int, int], ...], pace: float) -> Times:
         """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them."""
-        solved = self._solved(order, pace - _TOLERANCE)
+        solved = self._solved(order, pace * (1 - _TOLERANCE))
+        if solved is None:  # by rounding errors
+            solved = self._solved(order)
         assert solved is not None
         values = np.floor(solved[:-1] + _TOLERANCE).astype(int)
         return Times(pace, tuple(values.tolist()), order)
@@ -128,43 +130,37 @@ class Programme:
         return None
 
     def _kept(self, solved: Array, row: _Row) -> bool:
-        return _at(solved, row.earlier) + row.gap + solved[-1] * row.distance <= _at(solved, row.later) + 1e-5
+        way = row.gap + float(solved[-1]) * row.distance
+        return _at(solved, row.earlier) + way <= _at(solved, row.later) + 1e-5
 
     def _solved(self, order: Sequence[tuple[int, int]], pace: float | None = None) -> Array | None:
         """The values of all variables and the pace, greatest; with a pace, the widest windows at it."""
         rows = self._rows + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
-        count = self.plan.variables + 1
-        widths = len(self.plan.events) if pace is not None else 0
-        left = np.zeros((len(rows) + 2 * widths, count + widths))
-        right = np.zeros(len(left))
+        left = np.zeros((len(rows), self.plan.variables + 1))
         for place, row in enumerate(rows):
-            for step, sign in ((row.earlier, 1.0), (row.later, -1.0)):
-                if step.variable is not None:
-                    left[place, step.variable] += sign
-            left[place, count - 1] = row.distance
-            right[place] = row.later.offset - row.earlier.offset - row.gap
-        cost = np.zeros(count + widths)
-        if pace is not None:  # nothing is held longer than it has to be
-            for held in self.plan.held:
-                for step, sign in ((held.end, _LENGTH), (held.begin, -_LENGTH)):
-                    if step.variable is not None:
-                        cost[step.variable] += sign
-        bounds: list[tuple[float, float | None]] = [(0, None)] * self.plan.variables + [(0, MOST_PACE)]
+            _add(left[place], row.earlier, 1.0)
+            _add(left[place], row.later, -1.0)
+            left[place, -1] = row.distance
+        right = np.array([row.later.offset - row.earlier.offset - row.gap for row in rows], dtype=np.float64)
+        least = 0.0 if pace is None else max(0.0, pace)
+        bounds = [(0.0, None)] * self.plan.variables + [(least, MOST_PACE)]
+        cost = np.zeros(self.plan.variables + 1)
         if pace is None:
-            cost[count - 1] = -1.0
-        else:
-            bounds[-1] = (max(0.0, pace), MOST_PACE)
-            cost[count:] = -1.0
-            for k, event in enumerate(self.plan.events):
-                place = len(rows) + k
-                left[place, count + k] = 1.0
-                for step, sign in ((event.end, -1.0), (event.begin, 1.0)):
-                    assert step.variable is not None
-                    left[place, step.variable] += sign
-                right[place] = event.end.offset - event.begin.offset
-            bounds += [(0, None)] * widths
+            cost[-1] = -1.0
+        for event in () if pace is None else self.plan.events:
+            _add(cost, event.begin, 1.0)
+            _add(cost, event.end, -1.0)
+        for held in () if pace is None else self.plan.held:
+            _add(cost, held.begin, -_LENGTH)
+            _add(cost, held.end, _LENGTH)
         solved = linprog(cost, A_ub=left, b_ub=right, bounds=bounds, method="highs")
-        return solved.x[:count] if solved.status == 0 else None
+        return np.asarray(solved.x, dtype=np.float64) if solved.status == 0 else None
+
+
+def _add(row: Array, step: At, factor: float) -> None:
+    """Add a multiple of a step to a row of coefficients, in place; its number has no coefficient."""
+    if step.variable is not None:
+        row[step.variable] += factor
 
 
 def _at(solved: Array, step: At) -> float:

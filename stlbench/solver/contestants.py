@@ -57,9 +57,9 @@ def contestants(task: Task, minutes: float) -> tuple[Contestant, ...]:
         raise UsageError(
             f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
         )
-    methods = in_turn(fitting, task.formula)
+    methods = in_turn(fitting, derived.file.followed)
     if not isinstance(task.actions, ActionGrid):  # learned from by dqn alone; with td3 cfer is the same as flag
-        methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals))
+        methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals > 0))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
 
