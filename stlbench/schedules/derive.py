@@ -104,6 +104,9 @@ def _some(plan: Plan, formula: Formula, low: At, high: At) -> _Plans:
     low = low.since_start(0)
     if not is_temporal(formula):
         return plan.event(formula, 0, low, high)
+    if low.variable is not None and low.offset < 0:  # what looks ahead from before step 0 does not count
+        plan, begin = plan.variable()
+        return _all(plan, [_before(low, begin, high), _happens(formula, begin, high)])
     match formula:
         case Or(args):
             return chain.from_iterable(_some(plan, arg, low, high) for arg in args)

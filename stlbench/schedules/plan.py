@@ -84,11 +84,9 @@ class Plan:
 
     def event(self, psi: Formula, stay: int, low: At, high: At) -> Iterator[Plan]:
         """With an event that begins within `low`..`high`."""
-        if (known := _constant(psi)) is not None:
-            yield from self.ordered(low, high) if known else ()
-            return
-        for plan, begin, end in self.window(low, high):
-            yield replace(plan, events=(*plan.events, Event(psi, stay, begin, end)))
+        known = _constant(psi)
+        for plan, begin, end in self.window(low, high) if known is not False else ():
+            yield plan if known else replace(plan, events=(*plan.events, Event(psi, stay, begin, end)))
 
     def holding(self, psi: Formula, low: At, high: At) -> Iterator[Plan]:
         """With a condition that is held."""
