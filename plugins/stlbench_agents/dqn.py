@@ -15,7 +15,7 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Cost, Environment, Integers, Policy, Transition
 from stlbench_agents.lock_step import Counterfactuals, LockStepAgent, LockStepLearner
-from stlbench_agents.recipes import DeepQ, Head, Positive, ShareBelow1, Whole
+from stlbench_agents.recipes import DeepQ, Head, Positive, ShareBelow1
 from stlbench_agents.training import cost_of, grid_of
 
 if TYPE_CHECKING:
@@ -43,9 +43,6 @@ class DQN(DeepQ, LockStepAgent):
     reward_scale: Positive = 4.0
     time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
     """`bootstrap`: what would follow the time limit has the network's value. `terminal`: it is 0"""
-    counterfactuals: Whole = 1
-    """so many times each transition is stored again with another memory of the method, where the method says which ones
-    there are. They stand alone, as returns of one reward, and take places in the same replay"""
 
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
@@ -92,7 +89,7 @@ class _Trainee:
 
     def __init__(self, recipe: DQN, environment: Environment, seed: int, rounds: int) -> None:
         self._recipe, self._rounds, self._done = recipe, rounds, 0
-        self._counterfactuals = Counterfactuals(environment, recipe.counterfactuals, seed)
+        self._counterfactuals = Counterfactuals(environment, seed)
         updates = rounds * recipe.gradient_steps
         self._learner = recipe.learner(environment, self._counterfactuals.copies, seed, updates)
         self._generator = np.random.default_rng([seed, 1])

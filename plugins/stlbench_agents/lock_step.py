@@ -61,14 +61,18 @@ class LockStepAgent(OffPolicy, CompiledAgent):
 
 
 class Counterfactuals:
-    """Adds the counterfactual transitions of an environment, if it and the recipe have any."""
+    """Adds the counterfactual transitions of an environment, as many of each as its method asks for.
 
-    def __init__(self, environment: Environment, times: int, seed: int) -> None:
+    They stand alone, as returns of one reward, and take places in the same replay.
+    """
+
+    def __init__(self, environment: Environment, seed: int) -> None:
         self._environment: CounterfactualEnvironment | None = None
-        if times and isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals:
+        if isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals > 0:
             self._environment = environment
-        self._times, self._generator = times, np.random.default_rng([seed, 1, 1])
-        self.copies = environment.count * (1 + times if self._environment else 1)
+        self._times = 0 if self._environment is None else self._environment.counterfactuals
+        self._generator = np.random.default_rng([seed, 1, 1])
+        self.copies = environment.count * (1 + self._times)
 
     def added(self, observation: Array, action: Integers, transition: Transition) -> tuple[Array, Integers, Transition]:
         """A lock-step of N copies (N, D), (N,), followed by the counterfactual ones: `copies` rows each."""

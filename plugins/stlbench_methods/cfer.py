@@ -26,12 +26,11 @@ class Cfer(Flag):
         beta: as of `flag`.
         flags: `all`: each flag from 0 to full. `published`: the source's program leaves out the full flag, so no
             experience is of a window G that is satisfied, or of a window F whose predicate holds now.
+        counterfactuals: so many times each transition is stored again.
 
     Raises:
         Unsuitable: as `flag`.
     """
-
-    counterfactuals = True
 
     def __init__(
         self,
@@ -39,8 +38,10 @@ class Cfer(Flag):
         *,
         beta: Annotated[float, Field(gt=0)] = 50.0,
         flags: Literal["all", "published"] = "all",
+        counterfactuals: Annotated[int, Field(ge=0)] = 1,
     ) -> None:
         super().__init__(specification, beta=beta)
+        self.counterfactuals = counterfactuals
         self._last = self._flags.full - (flags == "published")
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:

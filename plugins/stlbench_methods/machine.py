@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench_methods.windows import truths
@@ -27,8 +28,8 @@ class Machine(RewardMethod):
         shaping: `none`. `phases`: beside it Phi(s') - Phi(s), Phi minus the share of the phases that are left: of a
             term that waits, to hold and to be done; of one that holds, to be done; and 0 when all is over, so that over
             an episode it sums up to the same for all policies.
-        replay: `counterfactual`: a transition is also learned from the other lengths that the runs could have, as far
-            as the present sample does not rule them out (CRM of the source), each as likely. `none`: from its own.
+        counterfactuals: so many times a transition is also learned from other lengths that the runs could have, as far
+            as the present sample does not rule them out (CRM of the source), each as likely.
 
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2.
@@ -42,7 +43,7 @@ class Machine(RewardMethod):
         specification: Specification,
         *,
         shaping: Literal["none", "phases"] = "none",
-        replay: Literal["counterfactual", "none"] = "counterfactual",
+        counterfactuals: Annotated[int, Field(ge=0)] = 1,
     ) -> None:
         super().__init__(specification)
         terms = specification.terms
@@ -50,7 +51,7 @@ class Machine(RewardMethod):
         self._starts, self._ends = np.array([(term.start, term.end) for term in terms]).T.copy()
         self._lengths = np.array([term.length for term in terms])
         self.memory_size = len(terms)
-        self.counterfactuals = replay == "counterfactual"
+        self.counterfactuals = counterfactuals
         phases = int(np.minimum(self._lengths, 2).sum())
         self._weight = 1 / phases if shaping == "phases" else 0.0
         self.scale = 2.0 if shaping == "phases" else 1.0

@@ -134,7 +134,7 @@ class Environment(Protocol):
 
 @runtime_checkable
 class CounterfactualEnvironment(Environment, Protocol):
-    """An addition, for agents that learn from other memories too, as `dqn` does with the methods cfer, counters and machine."""
+    """An addition, for agents that learn from other memories too, as `dqn` does with cfer, counters and machine."""
 
     counterfactuals: int
     """How many times an agent should ask for a `counterfactual` of each step; 0 where the method has none."""

@@ -13,7 +13,7 @@ class Latch(Stepwise):
 
     memory_size = 1
     can_end = True
-    counterfactuals = True
+    counterfactuals = 1
     scale = 2.0
     floor = -1.0
 

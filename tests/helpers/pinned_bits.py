@@ -85,6 +85,7 @@ METHODS: Mapping[str, tuple[str, ...]] = {
     ),
     "causation": ("bonus=0.3",),
     "cfer": ("flags=published", "beta=10"),
+    "counters": ("pays=verdict", "counterfactuals=1"),
     "dense": (
         *("mode=difference", "semantics=lse", "semantics=gilpin", "semantics=agm", "semantics=gmsr"),
         "semantics=gmsr,sharpness=3",
@@ -92,7 +93,7 @@ METHODS: Mapping[str, tuple[str, ...]] = {
     "flag": ("beta=10",),
     "funnel": ("variant=code", "shape=clipped", "shape=normalised,t_star=0.5,ginf=0.05", "activity=literal"),
     "hprs": ("later=target", "variant=auto-shaping", "violation=ends", "gamma=0.9"),
-    "machine": ("shaping=phases", "replay=none"),
+    "machine": ("shaping=phases", "counterfactuals=0"),
     "raw": ("activity=literal",),
     "sparse": ("pays=failure",),
     "tau-cmdp": ("window=after", "beta=10"),
@@ -379,7 +380,7 @@ def rows() -> Iterator[Row]:
     yield trained("points", "raw", track="tuned")
     yield trained("points", "raw", budget="patient")
     for agent in ("dqn", "dqn-per-robot"):
-        yield trained("points", "cfer", f"{agent}[counterfactuals=3]")
+        yield trained("points", "cfer[counterfactuals=3]", agent)
     # Other rules of this track need no revision: the recipe and the task file are parts of each key. So the discount is
     # named here. The budget quick would be lengthened.
     yield trained("points", "raw", "dqn[gamma=0.95]", track="auto", budget="smoke")

@@ -15,6 +15,7 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsu
 from stlbench.testing import check_method
 from stlbench_methods.bhnr import Bhnr
 from stlbench_methods.causation import Causation
+from stlbench_methods.counters import Counters
 from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
@@ -37,6 +38,8 @@ METHODS: dict[str, Callable[[Specification], RewardMethod]] = {
     "bhnr": lambda spec: Bhnr(spec, window=4),
     "bhnr, block": lambda spec: Bhnr(spec, window=4, mode="block", semantics="filtering"),
     "causation": Causation,
+    "counters, margin": Counters,
+    "counters, verdict": lambda spec: Counters(spec, pays="verdict"),
     "dense, level": Dense,
     "dense, difference": lambda spec: Dense(spec, mode="difference", semantics="agm"),
     "flag": lambda spec: Flag(spec, beta=2),

@@ -122,5 +122,5 @@ def test_the_counterfactual_memories_are_those_that_some_past_leads_to(formula: 
 
 def test_without_replay_there_are_none() -> None:
     spec = specification(BOTH, {"x": (-1, 1)})
-    assert Machine(spec).counterfactuals
-    assert not Machine(spec, replay="none").counterfactuals
+    assert Machine(spec).counterfactuals == 1
+    assert Machine(spec, counterfactuals=0).counterfactuals == 0

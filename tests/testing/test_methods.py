@@ -28,6 +28,7 @@ VARIANTS = (
     "hprs[variant=auto-shaping,gamma=0.9]",
     "hprs[violation=ends,later=target]",
     "machine[shaping=phases]",
+    "counters[pays=verdict]",
     "cfer[flags=published]",
     "tau-cmdp[window=after]",
 )
