@@ -299,10 +299,10 @@ def _draw_reach(tables: Tables, i: int, holds: Truth, at: int, chance: Array, me
 def _can_be_done(tables: Tables, i: int, holds: Truth, at: int) -> bool:
     """Whether a past of a chain may have completed it, now or before."""
     before = at - tables.length[i] - tables.start[i]
-    if before != -1:
-        return before >= 0
+    if before >= 0:
+        return True
     stages = tables.last[i] - tables.first[i] + 1 - (tables.which[tables.needs[i]] >= 0)
-    all_now = True  # completed at the first sample at which it can be
+    all_now = before == -1  # completed at the first sample at which it can be
     for k in range(1 if tables.length[i] == 1 else stages, stages + 1):
         all_now = all_now and holds[tables.which[tables.needs[i] + k]]
     possible: bool = all_now

@@ -17,8 +17,8 @@ class Counters(RewardMethod):
     """Deadlines of nested operators, each as a count of samples.
 
     For a chain F[a,b] (A & F[0,w] B) it is the time since A, for a response G[a,b] (A -> F[0,w] B) how long the oldest
-    request waits, and for F[a,b] G[0,s] A how long A has held. A part is done, or has failed, as soon as no continuation
-    changes that. So the verdict is the formula's. Parts are joined by `and`, as are the terms of eq. 2.
+    request waits, and for F[a,b] G[0,s] A how long A has held. A part is done, or has failed, as soon as no
+    continuation changes that. So the verdict is the formula's. Parts are joined by `and`, as are the terms of eq. 2.
 
     Where an episode of training begins later, the counters before it are those with the most time left.
 

@@ -48,7 +48,7 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `RewardMethod.memory_size`, `initial_memory`, `inputs`, `input_size` | rewards of the past, as of flag |
 | `RewardMethod.scale`, `floor` | rewards whose size is far from 1 |
 | `RewardMethod.can_end`, `over` | methods that know when nothing more is paid: counters, hprs, machine |
-| `RewardMethod.counterfactuals`, `counterfactual` | methods that know what other memories earn: cfer, counters, machine |
+| `RewardMethod.counterfactuals`, `counterfactual` | methods that pay for other memories: cfer, counters, machine |
 | `CounterfactualEnvironment` | agents that learn from other memories: dqn |
 | `RewardMethod.extension` | methods that go beyond the form of their publication |
 | `System.initial_states`, `features`, `controller` | other coordinates, more to see than the state, reference scores |
