@@ -208,15 +208,14 @@ def _begin_reach(tables: Tables, i: int, t: int, memory: Array) -> None:
 @cached
 @njit()
 def _begin_answer(tables: Tables, i: int, t: int, memory: Array) -> None:
-    """The last answer came at the sample before, or at the end of the requests."""
+    """The last answer came at the sample before; beyond the requests, the last of them is open."""
     first, last, length = tables.first[i], tables.last[i], tables.length[i]
-    age = max(0, t - 1 - tables.end[i])
+    age = max(0, t - tables.end[i])
     memory[last] = age
     if first < last:
-        just = tables.start[i] <= t - 1 <= tables.end[i]
         deadline = max(tables.start[i], t - age) + tables.most[last]
-        memory[first] = length if just else max(0, length - (deadline - t + 1))
-    if age > tables.most[last] or (age == 0 and t - 1 >= tables.end[i]):
+        memory[first] = length if tables.start[i] < t <= tables.end[i] else max(0, length - (deadline - t + 1))
+    if age > tables.most[last]:
         _decide(tables, i, DONE, memory)
 
 
