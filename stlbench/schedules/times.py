@@ -17,6 +17,7 @@ MOST_NODES = 300
 """Linear programmes that are solved for one plan."""
 MOST_PACE = 1e4
 _TOLERANCE = 1e-6
+_FAST = 2.0
 _LENGTH = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
@@ -103,16 +104,41 @@ class Programme:
             later = self._middle(solved, first) > self._middle(solved, second)
             branches = [(*order, (first, second)), (*order, (second, first))]
             pending += branches if later else branches[::-1]  # the likelier order comes last and is tried first
-        return None if found is None else self._settled(found, bound)
+        return None if found is None else self._settled(found)
 
-    def _settled(self, order: tuple[tuple[int, int], ...], pace: float) -> Times:
+    def _settled(self, order: tuple[tuple[int, int], ...]) -> Times:
         """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them."""
-        solved = self._solved(order, pace * (1 - _TOLERANCE))
-        if solved is None:  # by rounding errors
-            solved = self._solved(order)
-        assert solved is not None
+        fastest = self._solved(order)
+        assert fastest is not None
+        early = self._early(fastest)
+        solved = self._solved(order, further=early) if early else fastest
+        if solved is None:
+            early, solved = [], fastest
+        pace = float(solved[-1])
+        widest = self._solved(order, pace * (1 - _TOLERANCE), early)
+        solved = solved if widest is None else widest  # None by rounding errors
         values = np.floor(solved[:-1] + _TOLERANCE).astype(int)
-        return Times(pace, tuple(values.tolist()), order)
+        return Times(max(0.0, pace), tuple(values.tolist()), order)
+
+    def _early(self, solved: Array) -> list[_Row]:
+        """What is excluded until an event ends so soon that a robot of `_FAST` times the pace need not wait for it.
+
+        A method pays for being near a goal at once, so a robot arrives as soon as it can. It does not learn to wait.
+        """
+        rows = list[_Row]()
+        for i, j in self._pairs:
+            event, held = self._items[i], self._items[j]
+            if not isinstance(event, Event) or not isinstance(held, Held):
+                continue
+            if held.end.variable is None or _at(solved, held.end) >= _at(solved, event.begin):
+                continue
+            over, origin = At(0), None
+            for other in self.plan.events:
+                if _at(solved, over) < _at(solved, other.end) <= _at(solved, event.begin) and other is not event:
+                    over, origin = other.end + other.stay, other.psi
+            if (distance := self._regions.distance(origin, event.psi)) > 0:
+                rows.append(_Row(held.end, over, 1, -distance / _FAST))
+        return rows
 
     def _middle(self, solved: Array, item: int) -> float:
         each = self._items[item]
@@ -133,9 +159,11 @@ class Programme:
         way = row.gap + float(solved[-1]) * row.distance
         return _at(solved, row.earlier) + way <= _at(solved, row.later) + 1e-5
 
-    def _solved(self, order: Sequence[tuple[int, int]], pace: float | None = None) -> Array | None:
+    def _solved(
+        self, order: Sequence[tuple[int, int]], pace: float | None = None, further: Sequence[_Row] = ()
+    ) -> Array | None:
         """The values of all variables and the pace, greatest; with a pace, the widest windows at it."""
-        rows = self._rows + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
+        rows = [*self._rows, *further] + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
         left = np.zeros((len(rows), self.plan.variables + 1))
         for place, row in enumerate(rows):
             _add(left[place], row.earlier, 1.0)
