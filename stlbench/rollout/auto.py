@@ -6,7 +6,7 @@ states and a formula. No rule knows the method.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -25,7 +25,7 @@ from stlbench.task.entry import Region
 from stlbench.task.file import Budget, Ending, Exploring, TaskFile, TrainingEpisodes
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
-from stlbench.task.windows import windows
+from stlbench.task.windows import Window, windows
 
 _SHARED: Mapping[str, Any] = {"net_arch": [128, 128], "gamma": 0.95}
 _DQN: Mapping[str, Any] = {
@@ -193,6 +193,12 @@ def _ends(task: Task) -> tuple[Ending, ...]:
     return (Ending.model_validate({"where": " | ".join(ends)}),) if ends else ()
 
 
+def _lasting(parts: Sequence[Window], file: TaskFile) -> list[Window]:
+    """The invariants. Of a schedule, those that last as long as its goals: a shorter one may exclude a later goal."""
+    last = max((part.end for part in parts if not part.invariant), default=0)
+    return [part for part in parts if part.invariant and (file.schedule is None or part.end >= last)]
+
+
 def _exploring(task: Task) -> Exploring | None:
     """Episodes that begin at a random time, in states met before or where the invariants hold within the ranges.
 
@@ -210,7 +216,7 @@ def _exploring(task: Task) -> Exploring | None:
         least, greatest = task.file.box.get(name, (low, high))
         box[name] = min(low, least), max(high, greatest)
     parts = windows(task.file.followed)
-    held = [part.psi for part in parts if part.invariant and {*stl.signals(part.psi)} <= {*box}]
+    held = [part.psi for part in _lasting(parts, task.file) if {*stl.signals(part.psi)} <= {*box}]
     if not {*box} & {*task.file.box} and task.file.initial.where is not None:
         held.append(task.file.initial.where)
     where = " & ".join(f"({condition})" for condition in held) or None
