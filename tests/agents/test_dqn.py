@@ -14,7 +14,7 @@ import pytest
 from helpers.latch import Latch
 from helpers.line_task import Probe, line
 
-from stlbench.contract import Integers, RewardMethod, Training, Transition
+from stlbench.contract import Integers, Training, Transition
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
@@ -103,21 +103,24 @@ def test_the_literal_recipe_of_the_paper_trains() -> None:
 
 class TestCounterfactuals:
     @staticmethod
-    def trained(method: RewardMethod, **recipe: int) -> tuple[bytes, int]:
+    def trained(times: int) -> tuple[bytes, int]:
         """The policy's weights after 60 lock-steps of 4 copies, and the environment steps taken."""
-        made = list[BatchEnvironment]()
+        method, made = Latch(LINE.specification), list[BatchEnvironment]()
+        method.counterfactuals = times
 
         def make(count: int) -> BatchEnvironment:
             made.append(BatchEnvironment(LINE, method, count, 3))
             return made[-1]
 
-        agent = DQN(net_arch=(8,), copies=4, batch_size=16, **recipe)  # type: ignore[arg-type]
+        agent = DQN(net_arch=(8,), copies=4, batch_size=16)
         policy = cast(GreedyPolicy, agent.train(Training(make, 480, 0, lambda policy, steps: None, 1)))
         return policy.flat.tobytes(), made[0].taken
 
     def test_they_follow_the_real_ones_with_the_same_actions(self) -> None:
-        environment = BatchEnvironment(LINE, Latch(LINE.specification), 4, 3)
-        counterfactuals, seen, action = Counterfactuals(environment, 2, 7), environment.reset(), np.array([2, 1, 0, 2])
+        method = Latch(LINE.specification)
+        method.counterfactuals = 2
+        environment = BatchEnvironment(LINE, method, 4, 3)
+        counterfactuals, seen, action = Counterfactuals(environment, 7), environment.reset(), np.array([2, 1, 0, 2])
         transition = environment.step(action)
         observation, actions, joined = counterfactuals.added(seen, action, transition)
         assert counterfactuals.copies == 12
@@ -128,11 +131,14 @@ class TestCounterfactuals:
         assert joined.cut[4:].all()
 
     @pytest.mark.parametrize("memory", [0, 2])
-    def test_without_any_of_the_method_the_bits_are_the_same(self, memory: int) -> None:
-        method = Probe(LINE.specification, memory)
-        assert self.trained(method, counterfactuals=0) == self.trained(method, counterfactuals=1)
+    def test_without_any_of_the_method_a_step_stays_as_it_is(self, memory: int) -> None:
+        environment = BatchEnvironment(LINE, Probe(LINE.specification, memory), 4, 3)
+        counterfactuals, step = Counterfactuals(environment, 7), (environment.reset(), np.zeros(4, np.int64))
+        transition = environment.step(step[1])
+        assert counterfactuals.copies == 4
+        assert counterfactuals.added(*step, transition) == (*step, transition)
 
     def test_with_them_another_policy_is_learned_from_as_many_steps(self) -> None:
-        none, one, two = (self.trained(Latch(LINE.specification), counterfactuals=times) for times in (0, 1, 2))
+        none, one, two = map(self.trained, (0, 1, 2))
         assert len({none[0], one[0], two[0]}) == 3
         assert none[1] == one[1] == two[1] == 480

@@ -12,6 +12,7 @@ from stlbench.contract import RewardMethod, Unsuitable
 from stlbench_methods.bhnr import Bhnr
 from stlbench_methods.causation import Causation
 from stlbench_methods.cfer import Cfer
+from stlbench_methods.counters import Counters
 from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
@@ -28,7 +29,7 @@ FRAGMENT = (Raw, Funnel, Flag, Cfer, Hprs, Machine, Causation, TauCmdp)
 ANY = (Bhnr, Dense, Sparse, Tltl, TauMdp)
 
 
-@pytest.mark.parametrize("method", [*FRAGMENT, *ANY])
+@pytest.mark.parametrize("method", [*FRAGMENT, *ANY, Counters])
 @pytest.mark.parametrize("text", ["G[0,3] (x >= 1 -> O[0,3] y >= 1)", "F[0,3] (x >= 1 S y >= 1)", "H[0,2] x >= 1"])
 def test_a_past_operator_is_unsuitable_in_one_line(method: type[RewardMethod], text: str) -> None:
     with pytest.raises(Unsuitable) as error:
