@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Array, Unsuitable
+from stlbench.task import load_task
 from stlbench_methods.counter_parts import DONE, FAILED
 from stlbench_methods.counters import Counters
 
@@ -216,3 +217,25 @@ def test_what_needs_more_than_a_counter_is_refused_with_its_place(text: str, rea
 
 def test_as_many_as_are_asked_for() -> None:
     assert Counters(specification("G[0,3] F[0,2] x >= 0", X), counterfactuals=16).counterfactuals == 16
+
+
+def test_real_episodes_are_paid_by_their_verdict() -> None:
+    """The robot of the task patrol, by its controller and, in half of the copies, standing still from step 500 on."""
+    task = load_task("patrol")
+    spec, system, rows = task.specification, task.system, 8
+    method = Counters(spec, pays="verdict")
+    state = task.starts.of_training(np.random.default_rng(0), rows)
+    memory, paid = method.initial_memory(system.signals(state), np.zeros(rows, np.int64)), np.zeros(rows)
+    trace = [system.signals(state)]
+    for t in range(0, spec.steps, 5):
+        action = system.controller(state, np.full(rows, t))
+        assert action is not None
+        action[rows // 2 :] *= t < 500
+        for _ in range(5):
+            state = system.step(state, action)
+            trace.append(system.signals(state))
+        rewards, memory = method.along(np.stack(trace[-6:]), action, np.full(rows, t), memory)
+        paid += rewards.sum(axis=0)
+    satisfied = stl.satisfied(spec.formula, np.stack(trace, axis=1), spec.signals)
+    assert paid.tolist() == np.where(satisfied, 1.0, -1.0).tolist()
+    assert satisfied.tolist() == [True] * 4 + [False] * 4
