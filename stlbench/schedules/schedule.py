@@ -58,26 +58,23 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
 
 
 def pursued(terms: Sequence[Term], regions: Regions) -> tuple[Term, ...]:
-    """The terms, with goals that begin when the goal before them ends although their condition is excluded until later.
+    """The terms without those that a robot could keep by waiting alone, before a goal whose condition they exclude.
 
-    A method pursues a term from the last end of a term before its begin. Of G[0,90] !A & F[91,100] A it would begin
-    with A at step 90. With F[0,100] A in place of F[91,100] A it begins at once. The same traces satisfy both, but for
-    those that touch A at its border alone.
+    Of G[0,20] !A & F[21,50] A it is F[0,50] A. A robot pursues A from step 0, and no cost stands where its goal is. The
+    result is weaker: a robot that is at A too early satisfies it. The times are such that it need not be (`Programme`).
     """
     goals = [term for term in terms if term.kind != "G"]
-
-    def earlier(term: Term) -> Term:
-        before = max((goal.end for goal in goals if goal is not term and goal.end <= term.start), default=0)
-        excluded = any(
-            held.kind == "G"
-            and held.a <= before + 1
-            and before < held.b == term.start - 1
-            and regions.exclusive(held.psi, term.psi)
+    kept = list(terms)
+    for goal in goals:
+        before = max((other.end for other in goals if other is not goal and other.end <= goal.start), default=0)
+        waits = [
+            held
             for held in terms
-        )
-        return replace(term, a=before) if excluded else term
-
-    return tuple(earlier(term) if term in goals else term for term in terms)
+            if held.kind == "G" and before <= held.a and held.b < goal.start and regions.exclusive(held.psi, goal.psi)
+        ]
+        if waits:
+            kept = [replace(goal, a=before) if term is goal else term for term in kept if term not in waits]
+    return tuple(kept)
 
 
 def is_schedule(formula: Formula, regions: Regions) -> bool:
