@@ -17,7 +17,7 @@ MOST_NODES = 300
 """Linear programmes that are solved for one plan."""
 MOST_PACE = 1e4
 _TOLERANCE = 1e-6
-_FAST = 2.0
+_FAST = 1.4
 _LENGTH = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
