@@ -17,7 +17,7 @@ MOST_NODES = 300
 """Linear programmes that are solved for one plan."""
 MOST_PACE = 1e4
 _TOLERANCE = 1e-6
-_FAST = 1.4
+_FAST = 1.6
 _LENGTH = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
@@ -55,6 +55,7 @@ class Programme:
 
     def __init__(self, plan: Plan, regions: Regions, hold: int) -> None:
         self.plan, self._regions, self._hold = plan, regions, hold
+        self.nodes = 0
         self._items: tuple[_Item, ...] = (*plan.events, *plan.held)
         self._pairs = [
             (i, j)
@@ -84,13 +85,19 @@ class Programme:
             return [_Row(over, second.begin, 1), _Row(over, second.end, self._hold, distance)]
         return [_Row(over, second.begin), _Row(over, second.end, self._hold, distance)]
 
+    @property
+    def bound(self) -> float | None:
+        """The greatest pace of any order, or more; None where no order has times."""
+        solved = self._solved(())
+        return None if solved is None else float(solved[-1])
+
     def best(self, least: float = -1.0) -> Times | None:
         """The times of the greatest pace; None where none is greater than `least`, or all exclude each other."""
         found, bound = None, least
         pending: list[tuple[tuple[int, int], ...]] = [()]
-        for _ in range(MOST_NODES):
-            if not pending:
-                break
+        self.nodes = 0
+        while pending and self.nodes < MOST_NODES:
+            self.nodes += 1
             order = pending.pop()
             solved = self._solved(order)
             if solved is None or float(solved[-1]) <= bound + _TOLERANCE:
