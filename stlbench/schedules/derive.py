@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 
 from stlbench.schedules.plan import At, Plan
 from stlbench.stl import Always, And, Eventually, Formula, Historically, Not, Once, Or, Release, Since, Until
@@ -188,7 +188,7 @@ class _Service:
             windows.append((begin, end))
         first, last = windows[0], windows[-1]
         steps = [_before(low.since_start(self.first), first[0]), _before(first[1], low + self.last)]
-        for (begin, end), (later, latest) in zip(windows, windows[1:], strict=False):
+        for (begin, end), (later, latest) in pairwise(windows):
             steps += [_before(end + 1, later), _before(latest, begin + (self.last - self.first + 1))]
         steps += [_before(high + self.first, last[0]), _before(last[1], high + self.last)]
         steps += [_before(begin, end) for begin, end in windows]

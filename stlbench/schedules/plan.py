@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from stlbench import stl
 from stlbench.stl import And, Formula, Term
@@ -64,7 +65,7 @@ class Plan:
     def ordered(self, *steps: At) -> Iterator[Plan]:
         """With the steps in this order; nothing where two of them cannot be."""
         rows = list[tuple[At, At]]()
-        for earlier, later in zip(steps, steps[1:], strict=False):
+        for earlier, later in pairwise(steps):
             if earlier.variable != later.variable:
                 rows.append((earlier, later))
             elif earlier.offset > later.offset:

@@ -8,9 +8,9 @@ from itertools import combinations
 
 from stlbench import stl
 from stlbench.schedules.derive import UnscheduledError, plans
-from stlbench.schedules.plan import conjunction
+from stlbench.schedules.plan import Plan, conjunction
 from stlbench.schedules.regions import Regions
-from stlbench.schedules.times import Programme
+from stlbench.schedules.times import Programme, Times
 from stlbench.stl import Formula, Term
 
 
@@ -31,6 +31,10 @@ ALIKE = 0.9
 """Paces of at least this share of the greatest count as equal. The simplest schedule of these is taken."""
 
 
+MOST_NODES = 1500
+"""Linear programmes that are solved for all alternatives of a formula, before the last one is begun."""
+
+
 def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[Schedule]:
     """The schedules of a formula, one for each alternative that has one, the best first.
 
@@ -41,20 +45,36 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
         UnscheduledError: there is none.
     """
     found = list[tuple[Schedule, tuple[int, int, float]]]()
-    for plan in plans(formula, last):
-        times = Programme(plan, regions, hold).best()
-        if times is not None and (terms := plan.terms(times.values)):
+    timed = _timed(formula, regions, hold, last)
+    for plan, times in timed:
+        if terms := plan.terms(times.values):
             goals = [term for term in terms if term.kind != "G" or (term.a and regions.distance(None, term.psi))]
             held = sum(term.b - term.a for term in goals if term.kind == "G")
             schedule = Schedule(terms, times.pace)
             found.append((schedule, (len(goals) + (held > 0), len(terms), -round(times.pace, 6))))
     if not found:
-        raise UnscheduledError("the windows exclude each other in every order")
+        raise UnscheduledError(
+            "every trace satisfies the formula" if timed else "the windows exclude each other in every order"
+        )
     most = max(schedule.pace for schedule, _ in found)
     found.sort(
         key=lambda each: (each[0].pace < ALIKE * most, each[1] if each[0].pace >= ALIKE * most else (-each[0].pace,))
     )
     return list(dict.fromkeys(schedule for schedule, _ in found))
+
+
+def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tuple[Plan, Times]]:
+    """The alternatives that have times. Of very many, or hard ones, those are searched that may be fastest."""
+    programmes = [Programme(plan, regions, hold) for plan in plans(formula, last)]
+    bounds = [(bound, place) for place, each in enumerate(programmes) if (bound := each.bound) is not None]
+    if not bounds:
+        raise UnscheduledError(f"no windows of at least {hold} steps for it fit into the steps 0 to {last}")
+    nodes, found = 0, dict[int, Times]()
+    for _, place in sorted(bounds, key=lambda each: -each[0]):
+        if nodes < MOST_NODES and (times := programmes[place].best()) is not None:
+            found[place] = times
+        nodes += programmes[place].nodes
+    return [(programmes[place].plan, found[place]) for place in sorted(found)]
 
 
 def pursued(terms: Sequence[Term], regions: Regions) -> tuple[Term, ...]:
