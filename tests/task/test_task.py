@@ -22,11 +22,12 @@ from stlbench_agents.independent import DQNPerRobot
 def part_of(file: TaskFile, part: str) -> Any:
     if part == "near":
         return file.training.exploring.near if file.training.exploring else ()
-    return getattr(file if part in ("features", "rewarded", "hold") else file.training, part)
+    return getattr(file if part in ("features", "schedule", "rewarded", "hold") else file.training, part)
 
 
 class TestWithout:
     FULL = text(
+        schedule="G[0,4] (x <= 1)",
         rewarded="G[0,4] (0.5 * x <= 0.5)",
         hold=2,
         training={
@@ -70,7 +71,7 @@ class TestWithout:
 
     def test_other_parts_stay(self) -> None:
         with pytest.raises(
-            ValueError, match="a task is never without 'formula', but perhaps without features, rewarded"
+            ValueError, match="a task is never without 'formula', but perhaps without features, schedule, rewarded"
         ):
             read_task_file(self.FULL, "line").without("formula")
 
