@@ -101,7 +101,6 @@ def _some(plan: Plan, formula: Formula, low: At, high: At) -> _Plans:
     """The formula at some step of `low`..`high`."""
     if high.variable is None and high.offset < 0:
         return iter(())
-    low = low.since_start(0)
     if not is_temporal(formula):
         return plan.event(formula, 0, low, high)
     if low.variable is not None and low.offset < 0:  # what looks ahead from before step 0 does not count

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from stlbench import stl
-from stlbench.schedules.derive import UnscheduledError, plans
+from stlbench.schedules.derive import MOST_PLANS, UnscheduledError, plans
 from stlbench.schedules.plan import Plan, conjunction
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.times import Programme, Times
@@ -45,17 +45,18 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
         UnscheduledError: there is none.
     """
     found = list[tuple[Schedule, tuple[int, int, float]]]()
-    timed = _timed(formula, regions, hold, last)
+    try:
+        timed = _timed(formula, regions, hold, last)
+    except UnscheduledError:  # perhaps there are windows shorter than the time for which an action is held
+        timed = _timed(formula, regions, 0, last)
     for plan, times in timed:
         if terms := plan.terms(times.values):
             goals = [term for term in terms if term.kind != "G" or (term.a and regions.distance(None, term.psi))]
             held = sum(term.b - term.a for term in goals if term.kind == "G")
             schedule = Schedule(terms, times.pace)
             found.append((schedule, (len(goals) + (held > 0), len(terms), -round(times.pace, 6))))
-    if not found:
-        raise UnscheduledError(
-            "every trace satisfies the formula" if timed else "the windows exclude each other in every order"
-        )
+    if not found and timed:
+        raise UnscheduledError("every trace satisfies the formula")
     most = max(schedule.pace for schedule, _ in found)
     found.sort(
         key=lambda each: (each[0].pace < ALIKE * most, each[1] if each[0].pace >= ALIKE * most else (-each[0].pace,))
@@ -68,12 +69,16 @@ def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tup
     programmes = [Programme(plan, regions, hold) for plan in plans(formula, last)]
     bounds = [(bound, place) for place, each in enumerate(programmes) if (bound := each.bound) is not None]
     if not bounds:
-        raise UnscheduledError(f"no windows of at least {hold} steps for it fit into the steps 0 to {last}")
+        raise UnscheduledError(f"its windows do not fit into the steps 0 to {last}, or leave each other no room")
     nodes, found = 0, dict[int, Times]()
     for _, place in sorted(bounds, key=lambda each: -each[0]):
         if nodes < MOST_NODES and (times := programmes[place].best()) is not None:
             found[place] = times
         nodes += programmes[place].nodes
+    if not found:
+        ways = "each alternative" if len(programmes) < MOST_PLANS else f"each of the first {MOST_PLANS} alternatives"
+        reason = next(filter(None, (programmes[place].shortfall() for _, place in bounds)), "so in every order tried")
+        raise UnscheduledError(f"in {ways} windows exclude each other: {reason}")
     return [(programmes[place].plan, found[place]) for place in sorted(found)]
 
 

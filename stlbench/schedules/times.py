@@ -113,6 +113,31 @@ class Programme:
             pending += branches if later else branches[::-1]  # the likelier order comes last and is tried first
         return None if found is None else self._settled(found)
 
+    def shortfall(self) -> str | None:
+        """The two items that are too near each other, with their windows and the steps that are missing.
+
+        None where the windows leave no room, whatever excludes what.
+        """
+        free = self._solved(())
+        if free is None:
+            return None
+        order = [(i, j) if self._middle(free, i) <= self._middle(free, j) else (j, i) for i, j in self._pairs]
+        solved = self._solved(order, elastic=True)
+        if solved is None:
+            return None
+        rows = [(row, pair) for pair in order for row in self._apart(self._items[pair[0]], self._items[pair[1]])]
+        over = [_at(solved, row.earlier) + row.gap - _at(solved, row.later) for row, _ in rows]
+        if not over or max(over) <= 0:
+            return None
+        worst = int(np.argmax(over))
+        first, second = (self._told(free, item) for item in rows[worst][1])
+        return f"{first} and {second} exclude each other; steps missing: {max(1, round(over[worst]))}"
+
+    def _told(self, solved: Array, item: int) -> str:
+        each = self._items[item]
+        begin, end = (round(_at(solved, step)) for step in (each.begin, each.end))
+        return f"{each.psi} in {begin}..{end}"
+
     def _settled(self, order: tuple[tuple[int, int], ...]) -> Times:
         """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them."""
         fastest = self._solved(order)
@@ -167,21 +192,28 @@ class Programme:
         return _at(solved, row.earlier) + way <= _at(solved, row.later) + 1e-5
 
     def _solved(
-        self, order: Sequence[tuple[int, int]], pace: float | None = None, further: Sequence[_Row] = ()
+        self,
+        order: Sequence[tuple[int, int]],
+        pace: float | None = None,
+        further: Sequence[_Row] = (),
+        elastic: bool = False,
     ) -> Array | None:
-        """The values of all variables and the pace, greatest; with a pace, the widest windows at it."""
+        """The values of all variables and the pace, greatest; with a pace, the widest windows at it.
+
+        `elastic`: with the least number in place of the pace by which rows with a gap may be broken.
+        """
         rows = [*self._rows, *further] + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
         left = np.zeros((len(rows), self.plan.variables + 1))
         for place, row in enumerate(rows):
             _add(left[place], row.earlier, 1.0)
             _add(left[place], row.later, -1.0)
-            left[place, -1] = row.distance
+            left[place, -1] = row.distance if not elastic else -1.0 if row.gap or row.distance else 0.0
         right = np.array([row.later.offset - row.earlier.offset - row.gap for row in rows], dtype=np.float64)
         least = 0.0 if pace is None else max(0.0, pace)
         bounds = [(0.0, None)] * self.plan.variables + [(least, MOST_PACE)]
         cost = np.zeros(self.plan.variables + 1)
         if pace is None:
-            cost[-1] = -1.0
+            cost[-1] = 1.0 if elastic else -1.0
         for event in () if pace is None else self.plan.events:
             _add(cost, event.begin, 1.0)
             _add(cost, event.end, -1.0)
