@@ -93,7 +93,7 @@ def _share(tables: Tables, i: int, memory: Array) -> float:
     if state == DONE:
         return 1.0
     if not tables.chain[i]:
-        left: float = (tables.most[last] - state) / max(tables.most[last], 1)
+        left: float = 1 - state / max(tables.most[last], 1)  # an answer at once has no time, and is in time
         return left
     first += tables.which[tables.needs[i]] >= 0
     stages = last - first + 1

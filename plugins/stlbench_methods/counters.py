@@ -16,8 +16,8 @@ from stlbench_methods.windows import truths
 class Counters(RewardMethod):
     """Deadlines of nested operators, each as a count of samples.
 
-    For a chain F[a,b] (A & F[0,w] B) it is the time since A, for a response G[a,b] (A -> F[0,w] B) how long the oldest
-    request waits, and for F[a,b] G[0,s] A how long A has held. A part is done, or has failed, as soon as no
+    For a chain F[a,b] (A & F[0,w] B) it is the time left after A, for a response G[a,b] (A -> F[0,w] B) how long the
+    oldest request waits, and for F[a,b] G[0,s] A how long A has held. A part is done, or has failed, as soon as no
     continuation changes that. So the verdict is the formula's. Parts are joined by `and`, as are the terms of eq. 2.
 
     Where an episode of training begins later, the counters before it are those with the most time left.
@@ -41,7 +41,7 @@ class Counters(RewardMethod):
         specification: Specification,
         *,
         pays: Literal["margin", "verdict"] = "margin",
-        counterfactuals: Annotated[int, Field(ge=0)] = 4,
+        counterfactuals: Annotated[int, Field(ge=0)] = 1,
     ) -> None:
         super().__init__(specification)
         self._parts = parts_of(specification.formula)
@@ -81,7 +81,7 @@ class Counters(RewardMethod):
         return over if self._margin else over | (state == DONE).all(axis=1)
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
-        """Other counters of each part; its own where the sample leaves none."""
+        """Counters that some past leads to, if formulas may hold together; of a part without any, its own."""
         from stlbench_methods.counter_kernels import draw
 
         other = memory.copy()

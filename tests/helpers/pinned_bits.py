@@ -85,7 +85,7 @@ METHODS: Mapping[str, tuple[str, ...]] = {
     ),
     "causation": ("bonus=0.3",),
     "cfer": ("flags=published", "beta=10"),
-    "counters": ("pays=verdict", "counterfactuals=1"),
+    "counters": ("pays=verdict", "counterfactuals=4"),
     "dense": (
         *("mode=difference", "semantics=lse", "semantics=gilpin", "semantics=agm", "semantics=gmsr"),
         "semantics=gmsr,sharpness=3",
