@@ -7,7 +7,7 @@ formula, whatever values its variables take within its rows. The plans are alter
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import chain, islice, pairwise
 
@@ -149,6 +149,7 @@ class _Service:
 
     def over(self, plan: Plan, low: At, high: At) -> _Plans:
         yield from self._once(plan, low, high)
+        yield from self._first(plan, low, high)
         yield from self._visits(plan, low, high)
         if low != high:
             yield from self._always(plan, low, high)
@@ -168,6 +169,13 @@ class _Service:
             _all(each, [_happens(self.psi, begin, end), *self._guarded(low, high, begin, end)])
             for each, begin, end in plan.window(earliest, latest)
         )
+
+    def _first(self, plan: Plan, low: At, high: At) -> _Plans:
+        """The guard or `psi` until the event: the guard until `psi` holds first. It serves `!A U[0,50] A`."""
+        guard = self.guard
+        if guard is None or self.past or self.first != 0 or low != high or is_temporal(guard) or is_temporal(self.psi):
+            return iter(())
+        return replace(self, guard=Or((guard, self.psi)))._once(plan, low, high)
 
     def _visits(self, plan: Plan, low: At, high: At) -> _Plans:
         """Windows one after the other: from the begin of each to the end of the next all steps are served."""

@@ -58,8 +58,11 @@ class Regions:
         return self._points(And((first, second))) is None
 
     def possible(self, psi: Formula) -> bool:
-        """Whether a condition holds anywhere within the ranges."""
-        return self._points(psi) is not None
+        """Whether a condition holds anywhere within the ranges, unless it is proven that it does not."""
+        try:
+            return self._points(psi) is not None or stl.bounds(psi, self.box, nodes=2000).high >= 0
+        except stl.UndefinedError:  # it has no value somewhere within the ranges, as x / y
+            return True
 
     def _distance(self, origin: Formula | None, target: Formula) -> float:
         """How far it is from where one condition holds to where another does; from the starts, in the mean, for None.

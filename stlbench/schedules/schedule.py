@@ -66,7 +66,12 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
 
 def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tuple[Plan, Times]]:
     """The alternatives that have times. Of very many, or hard ones, those are searched that may be fastest."""
-    programmes = [Programme(plan, regions, hold) for plan in plans(formula, last)]
+    found_plans = plans(formula, last)
+    possible = [plan for plan in found_plans if all(regions.possible(event.psi) for event in plan.events)]
+    if found_plans and not possible:
+        psi = next(event.psi for event in found_plans[0].events if not regions.possible(event.psi))
+        raise UnscheduledError(f"{psi} holds nowhere within the ranges of the signals")
+    programmes = [Programme(plan, regions, hold) for plan in possible]
     bounds = [(bound, place) for place, each in enumerate(programmes) if (bound := each.bound) is not None]
     if not bounds:
         raise UnscheduledError(f"its windows do not fit into the steps 0 to {last}, or leave each other no room")
