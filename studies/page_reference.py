@@ -91,13 +91,6 @@ def tracks() -> str:
     return markdown(["task", "method", *(f"`{track}`" for track in found)], body)
 
 
-def overlap_ends() -> str:
-    """One row per method: what is learned on `overlap`, beside what was with early ends of episodes."""
-    now, before = learned_by("shared"), recorded.table("overlap-ends", "robustness")
-    body = [[f"`{row['method']}`", entry(now["overlap", row["method"]]), entry(row)] for row in before]
-    return markdown(["method", "the recipe, without ends", "with ends"], body)
-
-
 def compared(folder: str, track: str) -> dict[tuple[str, str, str], str]:
     """Task, method and another -> in words how they compare, on the tasks themselves by their own agents."""
     return {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 import recorded
 from recorded import Row, markdown
@@ -13,9 +12,6 @@ from stlbench_tasks.suite.templates import TEMPLATES
 METHODS = ("raw", "funnel")
 ENOUGH = 0.95
 """A task is learned if the policy satisfies it from this share of the random starts, in both seeds."""
-
-_Learned = Mapping[str, set[str]]
-"""Method -> the tasks that it learned in all of their seeds."""
 
 
 def learned(rows: Iterable[Row], column: str = "satisfaction") -> dict[str, set[str]]:
@@ -29,30 +25,23 @@ def learned(rows: Iterable[Row], column: str = "satisfaction") -> dict[str, set[
 
 
 def table() -> str:
-    """One row per template: how many tasks `raw`, `funnel`, or one of them learned, without schedules and with."""
-    before = [row for row in recorded.table("suite-core", "cells") if row["method"] in METHODS]
+    """One row per template: the tasks that `raw`, `funnel`, or one of them learned with schedules.
+
+    Beside it what one of them learned without a schedule, by final policies, and with the longer budget too.
+    """
     now = recorded.table("suite-schedules", "cells")
-    found = [learned(before), learned(now), learned(now, "final_satisfaction")]
-    longer = _longer(now)
+    selected, final = learned(now), learned(now, "final_satisfaction")
+    before = _either(learned(row for row in recorded.table("suite-core", "cells") if row["method"] in METHODS))
+    longer = _either(selected) | _either(learned(recorded.table("suite-schedules-long", "cells")))
+    columns = (before, selected["raw"], selected["funnel"], _either(selected), _either(final), longer)
     body = []
     for template in (*TEMPLATES, "all"):
         own = {row["task"] for row in now if template in (row["template"], "all")}
-        counts = [_counts(each, own) for each in found]
-        final = len((found[2]["raw"] | found[2]["funnel"]) & own)
-        long = "" if longer is None else str(len(longer & own))
-        body.append([f"`{template}`" if template in TEMPLATES else template, str(len(own)), *counts[:2], str(final), long])
-    header = ["", "tasks", "without: `raw`, `funnel`, either", "with", "final policies, either", "longer, either"]
+        counts = [str(len(each & own)) for each in columns]
+        body.append([f"`{template}`" if template in TEMPLATES else template, str(len(own)), *counts])
+    header = ["", "tasks", "without", "`raw`", "`funnel`", "either", "final", "longer"]
     return markdown(header, body, right=len(header) - 1)
 
 
-def _counts(found: _Learned, tasks: set[str]) -> str:
-    sets = [found[method] & tasks for method in METHODS]
-    return ", ".join(str(len(each)) for each in (*sets, sets[0] | sets[1]))
-
-
-def _longer(now: Iterable[Row]) -> set[str] | None:
-    """The tasks learned by `quick`, or else by the longer budget; None where nothing was trained with it."""
-    if not (Path(recorded.RESULTS) / "suite-schedules-long").is_dir():
-        return None
-    quick, long = learned(now), learned(recorded.table("suite-schedules-long", "cells"))
-    return quick["raw"] | quick["funnel"] | long["raw"] | long["funnel"]
+def _either(found: Mapping[str, set[str]]) -> set[str]:
+    return set[str]().union(*found.values())

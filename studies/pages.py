@@ -12,6 +12,7 @@ from pathlib import Path
 
 import joss
 import page_reference
+import page_schedules
 import page_suite
 import page_tasks
 import paired
@@ -33,7 +34,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "measures": page_reference.measures,
     },
     "docs/findings.md": {
-        "overlap-ends": page_reference.overlap_ends,
         "survey-survived": survey.survived,
         "survey-planned": lambda: markdown(*survey.planned()),
     },
@@ -47,12 +47,12 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/explanation/suite.md": {
         "suite": page_suite.drawn,
+        "suite-schedules": page_schedules.table,
         "suite-core": lambda: page_suite.methods("suite-core"),
         "suite-forms": lambda: page_suite.forms("suite-core"),
         "suite-corrected": paired.corrected,
         "suite-fresh": paired.stated,
         "suite-sources": suite_answers.components,
-        "suite-sizes": suite_answers.slopes,
         "suite-held-out": suite_answers.held_out,
         "suite-quick": lambda: page_suite.methods("suite-quick"),
         "suite-many": page_suite.many,

@@ -5,6 +5,7 @@ python studies/schedule_figure.py       draw docs/figures/schedule.svg
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -38,7 +39,7 @@ def draw() -> Figure:
             fontsize=7,
         )
         ends.append((term.end, row))
-    for (step, row), (later, other) in zip(ends, ends[1:], strict=False):
+    for (step, row), (later, other) in pairwise(ends):
         axes.annotate("", (later, other), (step, row), arrowprops={"arrowstyle": "->", "color": "0.5", "lw": 0.8})
     axes.set_yticks(range(len(regions)), [f"{'AB'[row]}: {name}" for row, name in enumerate(regions)], fontsize=7)
     axes.set(xlim=(0, task.file.steps), ylim=(len(regions) - 0.4, -0.8), xlabel="step")

@@ -64,7 +64,7 @@ def main(names: list[str]) -> None:
     done = {row["environment"] for row in rows(ROWS)}
     for name in names or list(PROBLEMS):
         if name not in done:
-            add(ROWS, COLUMNS, [measured(name)])
+            add(ROWS, COLUMNS, [measured(name, PROBLEMS[name], FOLDERS / re.sub(r"\W+", "-", name), MINUTES)])
 
 
 def page() -> str:
@@ -82,10 +82,9 @@ def page() -> str:
     return "\n".join(lines)
 
 
-def measured(name: str) -> dict[str, str]:
+def measured(name: str, arguments: list[str], folder: Path, minutes: float) -> dict[str, str]:
     """Run the command, and read what it wrote."""
-    folder = FOLDERS / re.sub(r"\W+", "-", name)
-    command = [sys.executable, "-m", "stlbench", "solve", name, *PROBLEMS[name], "--minutes", f"{MINUTES:g}"]
+    command = [sys.executable, "-m", "stlbench", "solve", name, *arguments, "--minutes", f"{minutes:g}"]
     paths = [str(CLOCK), str(ROOT / "studies"), *filter(None, [os.environ.get("PYTHONPATH")])]
     before = os.times()
     run = subprocess.run(  # noqa: S603
@@ -102,8 +101,8 @@ def measured(name: str) -> dict[str, str]:
     cpu = after.children_user + after.children_system - before.children_user - before.children_system
     row = dict.fromkeys(COLUMNS, "") | {
         "environment": name,
-        "formula": PROBLEMS[name][0],
-        "minutes": f"{MINUTES:g}",
+        "formula": arguments[0],
+        "minutes": f"{minutes:g}",
         "cpu": f"{cpu:.0f}",
         "code": str(run.returncode),
     }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from statistics import fmean
 
@@ -28,9 +28,9 @@ from stlbench_tasks.suite.formulas import FormulaSuite
 FOLDERS = ("suite-core", "suite-quick")
 """Of results; what both have counts once."""
 SCORES = Path(suite.__file__).with_name("scores.json")
+_RESAMPLES = 999
 SHOWN = ("funnel", "funnel[variant=code]", "raw", "flag", "bhnr", "dense", "cfer")
 """The methods of core."""
-_RESAMPLES = 999
 
 
 @dataclass(frozen=True)
@@ -49,19 +49,13 @@ class Drawn:
         system, template, _ = self.name.split("/")
         return system, template
 
-    @cached_property
-    def size(self) -> dict[str, float]:
-        """How large the task is, and how much later than needed its deadlines are."""
-        scene, _ = FormulaSuite().candidate(self.name).scene
-        return {"slack": scene.slack, "horizon": stl.horizon(self.formula), "regions": len(scene.regions)}
-
 
 @cache
-def drawn() -> tuple[Drawn, ...]:
+def drawn(folders: Sequence[str] = FOLDERS) -> tuple[Drawn, ...]:
     """All tasks that a committed study has trained on."""
     tasks, known = dict[str, dict[str, dict[str, float]]](), FormulaSuite()
     names = {f"suite-{name.replace('/', '-')}": name for name in known.names}
-    for row in (row for folder in FOLDERS for row in recorded.table(folder, "cells")):
+    for row in (row for folder in folders for row in recorded.table(folder, "cells")):
         if row["status"] == "done" and (row["budget"], row["track"]) == ("quick", "auto"):
             score = recorded.scored(row["task"], float(row["robustness_mean"]))
             tasks.setdefault(names[row["task"]], {}).setdefault(row["method"], {})[row["seed"]] = round(score, 4)
@@ -136,39 +130,6 @@ def _unexplained(values: NDArray[np.float64], columns: NDArray[np.float64]) -> f
     return float(((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2).sum())
 
 
-def slopes() -> str:
-    """How the score of `raw`, and how much more each other method has, goes with the size of the task (Spearman's).
-
-    Of every task the same seeds count. A row of which each interval holds 0 is left out.
-    """
-    body, seeds = [], _same_seeds(drawn())
-    for method in ("raw", *(method for method in SHOWN if method != "raw")):
-        both = [task for task in drawn() if {method, "raw"} <= {*task.scores}]
-        own, raw = (np.array([fmean(task.scores[each][:seeds]) for task in both]) for each in (method, "raw"))
-        more = own if method == "raw" else own - raw
-        sizes = [np.array([task.size[name] for task in both]) for name in both[0].size]
-        name = "`raw`" if method == "raw" else f"`{method}` less `raw`"
-        found = [_correlation(each, more) for each in sizes]
-        if any(low * high > 0 for _, low, high in found):
-            shown = ([recorded.number(str(each), 2) for each in own] for own in found)
-            body.append([name, str(len(both)), *(f"{value} [{low}, {high}]" for value, low, high in shown)])
-    return markdown(["score", "tasks", *drawn()[0].size], body, right=4)
-
-
-def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Spearman's, with an interval from resamples of the tasks."""
-    from scipy.stats import spearmanr
-
-    generator = np.random.default_rng(0)
-    found = [
-        spearmanr(one[chosen], other[chosen]).statistic
-        for chosen in generator.integers(len(one), size=(_RESAMPLES, len(one)))
-        if len({*one[chosen]}) > 1
-    ]
-    low, high = np.quantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(spearmanr(one, other).statistic), float(low), float(high)
-
-
 def held_out() -> str:
     """One row per way to choose a method: the mean score on templates and seeds that it has not seen.
 
@@ -228,8 +189,12 @@ def _less(more: Sequence[float], own: Sequence[float]) -> str:
 
 
 def scores() -> str:
-    """What `stlbench advise` reads."""
-    content = {task.name: {"formula": str(task.formula), "scores": task.scores} for task in drawn()}
+    """What `stlbench advise` reads: of a task that has a schedule, what methods reached by it, and nothing else."""
+    before = {task.name: task for task in drawn()}
+    now = {task.name: task for task in drawn(("suite-schedules",))}
+    same = {name for name, task in now.items() if task.scores["raw"] == before[name].scores.get("raw", ())[:2]}
+    latest = before | {name: task for name, task in now.items() if name not in same}
+    content = {name: {"formula": str(task.formula), "scores": task.scores} for name, task in sorted(latest.items())}
     return json.dumps(content, indent=0, separators=(",", ":")) + "\n"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.schedule import Activity, active_table, least_active, least_paid, timeless
+from stlbench_methods.activity import Activity, active_table, least_active, least_paid, timeless
 from stlbench_methods.windows import bounded_range
 
 
@@ -13,7 +13,7 @@ class Raw(RewardMethod):
     """Robustness of the active terms, without funnel: r'(s, t) = rho_psi(s), the paper's ablation (eq. 18).
 
     Args:
-        activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.schedule`.
+        activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.activity`.
 
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2, or a term cannot fail.

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from stlbench import stl
@@ -21,6 +23,10 @@ from stlbench.records import stored
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choices
 from stlbench.report import Column, Table, Value, condense
+from stlbench.rollout.rewrites import alternatives
+from stlbench.schedules.derive import UnscheduledError
+from stlbench.schedules.regions import Regions
+from stlbench.schedules.schedule import is_schedule, schedules
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.study.fitting import fit
 from stlbench.task import load_task
@@ -28,7 +34,8 @@ from stlbench.task.task import Task
 
 _NOTES = (
     "Inputs: what the policy sees beside features and time. Memory: what the method carries from step to step.",
-    "Also: 'counterfactuals' are learned from by dqn; 'ends' means that training episodes end where all is decided.",
+    "Also: 'counterfactuals' are learned from by dqn; 'ends' means that training episodes end where all is decided;",
+    "'schedule' means that it takes the formula by its schedule alone, as on the track auto.",
     "Outside its source's form, a method is an extension of ours: see the reason, and its page in the documentation.",
 )
 _COMPARISON = re.compile("[<>]")
@@ -103,7 +110,9 @@ def _facts(
 
     Asked are these `methods`, or all that are installed or `known` from results.
     """
-    rows = list(_rows(task, methods or dict.fromkeys([*plugins.available("methods"), *known]), known))
+    schedule = _schedule(task)
+    by_schedule = None if isinstance(schedule, str | None) else schedule
+    rows = list(_rows(task, by_schedule, methods or dict.fromkeys([*plugins.available("methods"), *known]), known))
     fitting = [row for row in rows if "status" not in row]
     fitting.sort(key=lambda row: (_rank(row.get("known")), row["extension"] != "", row["inputs"]))
     refused = [row for row in rows if "status" in row]
@@ -113,17 +122,42 @@ def _facts(
         "formula": str(task.formula),
         "rewarded": str(given.formula),
         "nested": None if given.nested is None else str(given.nested),
+        "schedule": str(schedule.formula) if isinstance(schedule, Specification) else schedule,
         "fit": fitting,
         "do_not_fit": refused,
     }
 
 
+def _schedule(task: Task | Specification) -> Specification | str | None:
+    """What methods are told of a formula's schedule; why it has none; None where it is one already.
+
+    A formula without a task has no starts: they are in the middle of the ranges.
+    """
+    try:
+        if isinstance(task, Specification):
+            box = dict(zip(task.signals, zip(task.low, task.high, strict=True), strict=True))
+            regions = Regions(box, {}, np.array([[(low + high) / 2 for low, high in box.values()]]))
+            if is_schedule(task.formula, regions):
+                return None
+            return replace(task, formula=schedules(task.formula, regions, 1, task.steps)[0].formula)
+        found = alternatives(task)
+    except UnscheduledError as error:
+        return f"none: {one_line(error)}"
+    return replace(task.specification, formula=found[0].formula, nested=None) if found else None
+
+
 def _rows(
-    task: Task | Specification, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]
+    task: Task | Specification,
+    schedule: Specification | None,
+    choices: Iterable[str],
+    known: Mapping[str, Mapping[str, Any]],
 ) -> Iterator[dict[str, Any]]:
     for choice in choices:
         try:
             fitted = fit(task, choice)
+            alone = fitted.method is not None
+            if not alone and schedule is not None and (by_schedule := fit(schedule, choice)).method is not None:
+                fitted = by_schedule
         except plugins.PluginError as error:
             warn(str(error))
             continue
@@ -131,7 +165,7 @@ def _rows(
             yield {"method": choice, "status": fitted.status, "reason": fitted.reason}
             continue
         ends = method.can_end and type(method).over is not RewardMethod.over  # some say what an early end is paid alone
-        also = {"counterfactuals": method.counterfactuals, "ends": ends}
+        also = {"counterfactuals": method.counterfactuals, "ends": ends, "schedule": not alone}
         yield {
             "method": choice,
             "inputs": method.input_size,
@@ -173,6 +207,8 @@ def _text(facts: Mapping[str, Any], known: bool) -> Iterator[str | Table]:
         yield f"as methods see it: {facts['rewarded']}"
     if facts["nested"] is not None:
         yield f"as windows: {facts['nested']}"
+    if facts["schedule"] is not None:
+        yield f"schedule: {facts['schedule']}"
     yield ""
     columns: dict[Column, Callable[[Mapping[str, Any]], Value]] = {
         Column("method", right=False): lambda row: row["method"],

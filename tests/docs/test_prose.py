@@ -62,8 +62,9 @@ NAMES = "te,meger,fro,trough,reacher"
 """Words and names that codespell takes for mistakes."""
 EASE = 60
 """The least Flesch reading ease of a page: 60 to 70 is plain English."""
-WORDS = 45_000
-"""The most that all pages, README.md and CONTRIBUTING.md have together, counted as `wc -w` does."""
+WORDS = 39_500
+"""The most that all pages, README.md and CONTRIBUTING.md have together, but for the tables that scripts write."""
+WRITTEN = re.compile(r"<!-- --8<-- \[start:.*?\[end:", re.DOTALL)
 
 
 def named(path: Path) -> str:
@@ -130,4 +131,4 @@ def test_each_page_of_explanation_answers_the_question_that_is_its_title() -> No
 
 def test_there_is_not_more_to_read_than_a_reader_can_be_asked_to() -> None:
     counted = [path for path in PAGES if path.name in ("README.md", "CONTRIBUTING.md") or path.parent != ROOT]
-    assert sum(len(path.read_text(encoding="utf-8").split()) for path in counted) <= WORDS
+    assert sum(len(WRITTEN.sub("", path.read_text(encoding="utf-8")).split()) for path in counted) <= WORDS

@@ -22,11 +22,9 @@ RESULTS = Path(__file__).parents[2] / "results"
 RECIPES = {"survey": RESULTS / "survey-tuning" / "recipes.yaml"}
 SAMPLE = 2
 """Rows of each folder."""
-GONE = {"overlap-ends"}
-"""Folders of a recipe that no task has any more, which keep their keys."""
 UNSCHEDULED = {"auto-field", "suite-budget", "suite-core", "suite-fresh", "suite-overlap", "suite-quick"}
 """Folders of before schedules. Where a task has one today, their rows are of the task without it."""
-FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}") if path.parent.name not in GONE)
+FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}") )
 
 
 def sample(folder: Path) -> list[dict[str, Any]]:

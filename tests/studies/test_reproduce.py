@@ -16,7 +16,6 @@ OTHERWISE = {
     "scope": "counts plugins",
     "baselines": "studies/baselines.py writes it into task files",
     "suite": "studies/suite.py searches the suite",
-    "overlap-ends": "an earlier recipe, whose results are kept",
     "table": "called 1, as the paper has no other",
 }
 """Blocks of pages that no study makes, and why."""

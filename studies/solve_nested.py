@@ -1,0 +1,80 @@
+"""`stlbench solve` on nested formulas, as a new user types them.
+
+python studies/solve_nested.py [NAME ...]    run those that have no row yet, one after another
+
+Each has a row in results/solve/nested.csv, and its folder under build/solve-nested.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import solve_foreign
+from row_by_row import add, rows
+
+ROWS, FOLDERS = solve_foreign.ROOT / "results" / "solve" / "nested.csv", solve_foreign.ROOT / "build" / "solve-nested"
+MINUTES = 4.0
+
+FORMS = {
+    "chain": "F[0,{a}] ({A} & F[0,{a}] {B})",
+    "patrol": "G[0,{b}] (F[0,{b}] {A} & F[0,{b}] {B})",
+    "response": "F[0,{a}] {A} & G[0,{a}] ({A} -> F[0,{a}] {B})",
+    "until": "(!{B}) U[50,100] {A}",
+    "two windows": "F[0,{a}] {A} & F[{a},{c}] {B}",
+    "overlap": "F[0,{b}] G[0,10] {A} & F[{a},{c}] G[0,10] {B}",
+}
+"""With a short time, a long one, and the sum of two."""
+PLACES = {
+    "nested_environments:OwnUnicycle-v0": (
+        ("norm(x - 4, y - 1.5) <= 0.6", "norm(x - 1.5, y - 4.5) <= 0.6"),
+        ["--signal", "x=obs[0]", "--signal", "y=obs[1]"],
+    ),
+    "nested_environments:OwnTanks-v0": (
+        ("h >= 0.9", "h <= 0.4"),
+        ["--signal", "g=obs[0]", "--signal", "h=obs[1]"],
+    ),
+    "Pendulum-v1": (("abs(theta) <= 0.3", "abs(theta) >= 2.6"), ["--signal", "theta=atan2(y, x)"]),
+    "CartPole-v1": (("x >= 0.5", "x <= -0.5"), []),
+    "MountainCar-v0": (("position >= 0.2", "position <= -0.9"), []),
+}
+TIMES = {"a": 80, "b": 110, "c": 160}
+
+
+def problems() -> dict[str, tuple[str, list[str]]]:
+    """Name -> the environment, and the rest of the command."""
+    found = dict[str, tuple[str, list[str]]]()
+    for environment, ((first, second), options) in PLACES.items():
+        for form, text in FORMS.items():
+            formula = text.format(A=f"({first})", B=f"({second})", **TIMES)
+            found[f"{environment.rpartition(':')[2]} {form}"] = environment, [formula, *options]
+    return found
+
+
+def page() -> str:
+    """One row per environment, one column per form: the lower end of the certificate, and the minutes of CPU time."""
+    known = {row["problem"]: row for row in rows(ROWS)}
+    lines = [f"| environment | {' | '.join(FORMS)} |", f"|---|{'--:|' * len(FORMS)}"]
+    for environment in PLACES:
+        name = environment.rpartition(":")[2]
+        own = [known.get(f"{name} {form}") for form in FORMS]
+        if any(own):
+            lines.append(f"| `{name}` | {' | '.join('' if row is None else _told(row) for row in own)} |")
+    return "\n".join(lines)
+
+
+def _told(row: dict[str, str]) -> str:
+    low = f"{100 * float(row['low']):.1f} %" if row["low"] else "none"
+    return f"{low}, {float(row['cpu']) / 60:.1f}"
+
+
+def main(names: list[str]) -> None:
+    """Run what has no row."""
+    done = {row["problem"] for row in rows(ROWS)}
+    for name, (environment, arguments) in problems().items():
+        if name not in done and (not names or name in names):
+            row = solve_foreign.measured(environment, arguments, FOLDERS / name.replace(" ", "-"), MINUTES)
+            add(ROWS, ("problem", *solve_foreign.COLUMNS[:-1]), [{"problem": name} | row])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
