@@ -48,7 +48,11 @@ def _weakest(text: str, last: int) -> list[set[str]]:
         ("G[0,1] F[1,2] p", 3, [{"F[2,2] p"}, {"F[1,1] p & F[2,3] p", "F[1,2] p & F[3,3] p"}, {"G[2,3] p"}]),
         ("p U[1,1] q", 1, [{"F[1,1] q & G[0,0] p"}]),
         ("p U[0,1] q", 1, [{"F[0,0] q", "F[0,1] q & G[0,0] p"}, {"F[0,1] q & G[0,0] (p | q)"}]),
-        ("p U[0,1] q & q", 0, [{"F[0,0] q & G[0,0] q"}, {"F[0,0] q & G[0,0] (p | q) & G[0,0] q", "F[0,0] q & G[0,0] q"}]),
+        (
+            "p U[0,1] q & q",
+            0,
+            [{"F[0,0] q & G[0,0] q"}, {"F[0,0] q & G[0,0] (p | q) & G[0,0] q", "F[0,0] q & G[0,0] q"}],
+        ),
         # q all the time, or until p holds
         ("p R[0,1] q", 1, [{"G[0,1] q"}, {"F[0,0] p & G[0,0] q", "F[0,1] p & G[0,1] q"}]),
         (
@@ -89,7 +93,11 @@ def _weakest(text: str, last: int) -> list[set[str]]:
         ("True", 1, [{""}]),
         ("False", 1, []),
         ("F[0,1] False", 1, []),
-        ("False U[0,2] q", 2, [{"F[0,0] q"}, {"F[0,0] q", "F[0,0] q & G[0,0] (!True | q)", "F[0,1] q & G[0,0] (!True | q)"}]),
+        (
+            "False U[0,2] q",
+            2,
+            [{"F[0,0] q"}, {"F[0,0] q", "F[0,0] q & G[0,0] (!True | q)", "F[0,1] q & G[0,0] (!True | q)"}],
+        ),
         # the episode ends before it is decided
         ("G[0,3] p", 2, []),
         ("F[1,2] G[0,2] p", 3, [{"F[1,1] G[0,2] p"}]),
