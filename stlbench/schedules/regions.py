@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -78,6 +77,8 @@ class Regions:
             return 0.0
         if origin is None and (stl.margin(target, self._names)(here) >= 0).all():
             return 0.0
+        from scipy.spatial.distance import cdist  # which most commands do without
+
         scaled = [(points / self._size)[:, columns] for points in (here, there)]
         between = cdist(*scaled)
         return float(between.min(axis=1).mean() if origin is None else between.min())

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import linprog
 
 from stlbench.contract import Array
 from stlbench.schedules.plan import At, Event, Held, Plan
@@ -202,6 +201,8 @@ class Programme:
 
         `elastic`: with the least number in place of the pace by which rows with a gap may be broken.
         """
+        from scipy.optimize import linprog  # which most commands do without
+
         rows = [*self._rows, *further] + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
         left = np.zeros((len(rows), self.plan.variables + 1))
         for place, row in enumerate(rows):

@@ -37,8 +37,18 @@ def test_what_fits_and_why_the_others_do_not(say, toy):
 def test_a_formula_without_a_task(say):
     found = advice(say, "G[0,50] F[0,10] x >= 1")
     assert (found["task"], found["formula"]) == (None, "G[0,50] F[0,10] x >= 1")
-    assert "flag" in [row["method"] for row in found["fit"]]
+    fitting = {row["method"]: row for row in found["fit"]}
+    assert "schedule" not in fitting["flag"]["also"]
+    assert found["schedule"] == "G[10,60] x >= 1"  # whenever F is asked for, x >= 1 holds at its last step
+    assert "schedule" in fitting["funnel"]["also"]
+    assert {row["method"] for row in found["do_not_fit"]} == {"hprs"}  # it needs a goal
+
+
+def test_a_formula_that_no_schedule_fits(say):
+    found = advice(say, "F[0,3] (x >= 9 & F[0,3] x <= -9) & G[0,9] x >= 5")
+    assert found["schedule"].startswith("none: in each alternative windows exclude each other: ")
     assert {row["method"]: row["status"] for row in found["do_not_fit"]}["funnel"] == "unsuitable"
+    assert "schedule: none: " in say("advise", "F[0,3] (x >= 9 & F[0,3] x <= -9) & G[0,9] x >= 5").stdout
 
 
 def test_drawn_formulas_of_the_same_form(say, monkeypatch):
