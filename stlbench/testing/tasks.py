@@ -129,10 +129,14 @@ def _check_baselines(task: Task, rules: Rules) -> None:
 
 
 def _check_forms(task: Task, traces: Array, rules: Rules) -> None:
-    """The rewarded and the nested form against the formula."""
+    """The schedule, the rewarded and the nested form against the formula."""
+    satisfied = stl.satisfied(task.formula, traces, task.signals)
+    followed = stl.satisfied(task.file.followed, traces, task.signals)
+    implied = bool((satisfied | ~followed).all())
+    rules.keep(implied, "what satisfies the schedule satisfies the formula", followed & ~satisfied)
     rewarded = stl.satisfied(task.specification.formula, traces, task.signals)
-    same = np.array_equal(rewarded, stl.satisfied(task.formula, traces, task.signals))
-    rules.keep(same, "the rewarded form is satisfied when the formula is", rewarded)
+    same = np.array_equal(rewarded, followed)
+    rules.keep(same, "the rewarded form is satisfied when the formula or its schedule is", rewarded)
     robustness = stl.robustness(task.formula, traces, task.signals)
     form = task.formula if task.specification.nested is None else task.specification.nested
     nested = stl.robustness(form, traces, task.signals)

@@ -89,6 +89,8 @@ def made(site: Callable[..., Path]) -> Callable[..., str]:
         ({"controller": "-state if t[0] == 0 else None"}, {}, "a controller always has an action; got None"),
         ({"controller": "np.ones_like(state)"}, {}, "the controller satisfies the formula from some starts; got rob"),
         ({}, {"nested": "G[0,2] G[0,2] (x <= 0.9)"}, "the nested form has the formula's robustness"),
+        ({}, {"schedule": "G[0,0] (x <= 9)", "rewarded": None}, "what satisfies the schedule satisfies the formula"),
+        ({}, {"schedule": "G[0,4] (x <= -9)", "rewarded": "G[0,4] (x <= 1)"}, "the rewarded form is satisfied when"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:(divide by zero|invalid value):RuntimeWarning")
