@@ -18,6 +18,7 @@ import page_tasks
 import paired
 import race
 import solve_foreign
+import solve_nested
 import suite_answers
 import survey
 from recorded import markdown
@@ -37,7 +38,11 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-survived": survey.survived,
         "survey-planned": lambda: markdown(*survey.planned()),
     },
-    "docs/howto/solve.md": {"solve-foreign": solve_foreign.page, "solve-race": race.page},
+    "docs/howto/solve.md": {
+        "solve-foreign": solve_foreign.page,
+        "solve-nested": solve_nested.page,
+        "solve-race": race.page,
+    },
     "docs/explanation/auto.md": {
         "auto": page_tasks.auto,
         "auto-field": page_tasks.auto_field,

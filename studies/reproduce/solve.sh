@@ -1,5 +1,6 @@
 # `stlbench solve` on environments that it had not seen, and beside Stable-Baselines3
-# CPU time: 1.5 hours
-# Makes: solve-foreign solve-race
+# CPU time: 2.5 hours
+# Makes: solve-foreign solve-nested solve-race
 python studies/solve_foreign.py
+python studies/solve_nested.py
 make bench PARTS=tests/benchmarks/test_solve.py
