@@ -53,7 +53,14 @@ def alternatives(task: Task) -> tuple[Schedule, ...]:
     """
     file, initial = task.file, initial_samples(task)
     box, unit = tuple(file.box.items()), tuple(units(file).items())
-    return _alternatives(file.formula, box, unit, tuple(map(tuple, np.asarray(initial, dtype=np.float64).tolist())), file.hold, file.steps)
+    return _alternatives(
+        file.formula,
+        box,
+        unit,
+        tuple(map(tuple, np.asarray(initial, dtype=np.float64).tolist())),
+        file.hold,
+        file.steps,
+    )
 
 
 @lru_cache(maxsize=256)

@@ -141,6 +141,7 @@ class Programme:
         """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them."""
         fastest = self._solved(order)
         assert fastest is not None
+        order = self._complete(order, fastest)  # wider windows must not overlap where the narrow ones did not
         early = self._early(fastest)
         solved = self._solved(order, further=early) if early else fastest
         if solved is None:
@@ -179,12 +180,18 @@ class Programme:
         """The first pair whose order is open and that would be at the same time, or too near."""
         decided = {*order, *((j, i) for i, j in order)}
         for i, j in self._pairs:
-            if (i, j) not in decided and not any(
-                all(self._kept(solved, row) for row in self._apart(self._items[a], self._items[b]))
-                for a, b in ((i, j), (j, i))
-            ):
+            if (i, j) not in decided and not (self._are_apart(solved, i, j) or self._are_apart(solved, j, i)):
                 return i, j
         return None
+
+    def _complete(self, order: tuple[tuple[int, int], ...], solved: Array) -> tuple[tuple[int, int], ...]:
+        """With the pairs whose order is open, as they are apart in a solution."""
+        decided = {*order, *((j, i) for i, j in order)}
+        rest = [pair for pair in self._pairs if pair not in decided]
+        return (*order, *((i, j) if self._are_apart(solved, i, j) else (j, i) for i, j in rest))
+
+    def _are_apart(self, solved: Array, first: int, second: int) -> bool:
+        return all(self._kept(solved, row) for row in self._apart(self._items[first], self._items[second]))
 
     def _kept(self, solved: Array, row: _Row) -> bool:
         way = row.gap + float(solved[-1]) * row.distance

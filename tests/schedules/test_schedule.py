@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -158,3 +159,12 @@ def test_a_hard_formula_has_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     few = schedules(stl.parse(text), LINE, 1, 100)
     assert few[0] == everything[0]
     assert 0 < len(few) < len(everything)
+
+
+@pytest.mark.parametrize("name", ["suite-cart-pendulum-patrol-stay-1", "suite-cart-pendulum-patrol-stay-2"])
+def test_goals_that_exclude_each_other_have_windows_apart(name: str) -> None:
+    """Also where the fastest times had them apart without a decision: wider windows overlapped there."""
+    (schedule,) = alternatives(load_task(name))[:1]
+    goals = [term for term in schedule.terms if term.kind != "G"]
+    for first, second in combinations(sorted(goals, key=lambda term: term.end), 2):
+        assert first.psi == second.psi or first.end <= second.start
