@@ -20,7 +20,8 @@ from stlbench.stl.language.syntax import END, Between, Window
 MOST_PLANS = 400
 """Alternatives of one formula that are looked at."""
 MOST_VISITS = 12
-"""Visits of one region by which an F inside of G is served; beyond, the region is held all the time or served once."""
+"""Visits of one region by which an F inside of G is served. Where it takes more, it is asked for again and again, and
+to hold it all the time may be impossible: a cart that has to be slow once in ten steps cannot be slow all the time."""
 
 _Plans = Iterator[Plan]
 _Step = Callable[[Plan], _Plans]
@@ -151,8 +152,15 @@ class _Service:
         yield from self._once(plan, low, high)
         yield from self._first(plan, low, high)
         yield from self._visits(plan, low, high)
-        if low != high:
+        if low != high and self._fewest(low, high) <= MOST_VISITS:
             yield from self._always(plan, low, high)
+
+    def _fewest(self, low: At, high: At) -> int:
+        """The visits that it takes, if each is a single step; 1 where the interval has no known length."""
+        if low.variable != high.variable or self.first <= -END:
+            return 1
+        width, span = self.last - self.first, high.offset - low.offset
+        return max(1, 1 + -(-(span - width) // (width + 1)))
 
     def _guarded(self, low: At, high: At, begin: At, end: At) -> list[_Step]:
         """The guard, where `psi` holds within `begin`..`end` first and last."""
@@ -181,9 +189,8 @@ class _Service:
         """Windows one after the other: from the begin of each to the end of the next all steps are served."""
         if low.variable != high.variable or self.first <= -END:
             return
-        width, span = self.last - self.first, high.offset - low.offset
-        fewest = 1 + -(-(span - width) // (width + 1))
-        for count in range(max(2, fewest), fewest + 2) if span > 0 else ():
+        fewest = self._fewest(low, high)
+        for count in range(max(2, fewest), fewest + 2) if high.offset > low.offset else ():
             if count <= MOST_VISITS:
                 yield from self._visited(plan, low, high, count)
 

@@ -46,7 +46,15 @@ def test_what_results_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> None:
     known = advise._known(load_task("hold-disc"), Path("none"))
     assert known == {"funnel": {"budget": "quick", "seeds": 2, "satisfaction": 0.875, "robustness": 0.6875}}
     row = {"method": "funnel", "inputs": 2, "memory": 3, "also": ["ends"], "extension": None, "known": known["funnel"]}
-    facts = {"task": None, "formula": "f", "rewarded": "f", "nested": None, "schedule": None, "fit": [row], "do_not_fit": []}
+    facts = {
+        "task": None,
+        "formula": "f",
+        "rewarded": "f",
+        "nested": None,
+        "schedule": None,
+        "fit": [row],
+        "do_not_fit": [],
+    }
     (shown,) = to_records(tables(advise._text(facts, known=True))[0])
     assert shown == {
         **{"method": "funnel", "inputs": 2, "memory": 3, "also": "ends", "budget": "quick", "seeds": 2},

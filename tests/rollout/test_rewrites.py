@@ -75,7 +75,7 @@ def test_the_referee_and_the_selection_know_the_own_formula_alone() -> None:
     """Standing at 6 satisfies the formula by its second part, though the schedule takes the first one."""
     task = helped(line(formula="F[0,4] (x >= -9 & F[0,4] x <= -5) | F[0,8] (x >= 5 & F[0,0] x >= 5)"))
     assert task.file.schedule is not None
-    assert Referee(task, build_method(task, "raw"))._protocols["formula"][0] == task.formula  # noqa: SLF001
+    assert Referee(task, build_method(task, "raw"))._protocols["formula"][0] == task.formula
 
 
 def test_a_schedule_can_be_left_out() -> None:
@@ -89,7 +89,7 @@ def test_a_schedule_can_be_left_out() -> None:
 
 def test_without_a_schedule_a_task_trains_as_before() -> None:
     task = line(formula="F[0,8] (x >= 5 & G[0,0] x <= -5)")
-    with pytest.raises(UnscheduledError, match="exclude each other|leave each other no room"):
+    with pytest.raises(UnscheduledError, match=r"exclude each other|leave each other no room"):
         alternatives(task)
     assert helped(task).file.schedule is None
 

@@ -136,7 +136,6 @@ def test_many_alternatives_are_cut() -> None:
 
 
 def test_many_visits_are_left_out() -> None:
-    found = plans(parsed("G[0,985] F[0,15] p"), 1000)
-    assert [shown(plan.terms(())) for plan in found] == ["G[15,1000] p"]
+    assert plans(parsed("G[0,985] F[0,15] p"), 1000) == ()
     visits = {len(plan.events) for plan in plans(parsed("G[0,189] F[0,15] p"), 204)}
     assert max(visits) == MOST_VISITS

@@ -24,7 +24,7 @@ SAMPLE = 2
 """Rows of each folder."""
 UNSCHEDULED = {"auto-field", "suite-budget", "suite-core", "suite-fresh", "suite-overlap", "suite-quick"}
 """Folders of before schedules. Where a task has one today, their rows are of the task without it."""
-FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}") )
+FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}"))
 
 
 def sample(folder: Path) -> list[dict[str, Any]]:
