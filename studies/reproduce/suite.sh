@@ -10,7 +10,8 @@ stlbench run --keep-old --budget quick studies/suite-budget.yaml
 stlbench run --keep-old studies/suite-budget.yaml
 stlbench run studies/suite-schedules.yaml
 stlbench run studies/suite-schedules-long.yaml
-for study in suite-schedules suite-schedules-long; do
+stlbench run studies/suite-fresh-schedules.yaml
+for study in suite-schedules suite-schedules-long suite-fresh-schedules; do
     stlbench report results/$study
     stlbench export results/$study --format jsonl
 done

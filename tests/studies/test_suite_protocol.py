@@ -11,7 +11,15 @@ import pytest
 from stlbench.registry import plugins, suites
 
 ROOT = Path(__file__).parents[2]
-REPORTED = {"suite-schedules", "suite-schedules-long", "suite-quick", "suite-core", "suite-overlap", "suite-fresh"}
+REPORTED = {
+    "suite-fresh-schedules",
+    "suite-schedules",
+    "suite-schedules-long",
+    "suite-quick",
+    "suite-core",
+    "suite-overlap",
+    "suite-fresh",
+}
 """Studies that report, and develop nothing. Their results are in the folder of the same name."""
 TABLES = {"suite-fresh"}
 """Those of which only tables are kept."""
