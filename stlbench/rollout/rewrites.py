@@ -37,55 +37,46 @@ class Rewrite:
     formula: Formula
 
 
-def schedule_of(task: Task) -> Schedule | None:
-    """The schedule of a task's formula that asks for the least pace; None where the formula is a schedule already.
-
-    Raises `UnscheduledError` where there is none, with the operator or the step and the reason.
-    """
-    found = alternatives(task)
-    return found[0] if found else None
-
-
 def alternatives(task: Task) -> tuple[Schedule, ...]:
     """The schedules of a task's formula, the best first; none where the formula is a schedule already.
 
-    Raises `UnscheduledError`.
+    Raises `UnscheduledError` where there is none, with the operator or the step and the reason.
     """
-    file, initial = task.file, initial_samples(task)
-    box, unit = tuple(file.box.items()), tuple(units(file).items())
-    return _alternatives(
-        file.formula,
-        box,
-        unit,
-        tuple(map(tuple, np.asarray(initial, dtype=np.float64).tolist())),
-        file.hold,
-        file.steps,
-    )
+    file = task.file
+    return _alternatives(file.formula, _regions_of(file, initial_samples(task)), file.hold, file.steps)
 
 
 @lru_cache(maxsize=256)
-def _alternatives(
-    formula: Formula,
-    box: tuple[tuple[str, tuple[float, float]], ...],
-    unit: tuple[tuple[str, str], ...],
-    initial: tuple[tuple[float, ...], ...],
-    hold: int,
-    steps: int,
-) -> tuple[Schedule, ...]:
+def _alternatives(formula: Formula, regions: Regions, hold: int, steps: int) -> tuple[Schedule, ...]:
     """Kept, since a run asks for each task once for each of its methods and seeds."""
-    regions = Regions(dict(box), dict(unit), np.array(initial))
     if is_schedule(regular(formula), regions):
         return ()
     return tuple(schedules(formula, regions, hold, steps))
 
 
+def _regions_of(file: TaskFile, initial: Array) -> Regions:
+    """The regions of a task, always the same object for the same ranges and starts."""
+    rows = np.asarray(initial, dtype=np.float64).tolist()
+    return _regions(tuple(file.box.items()), tuple(units(file).items()), tuple(map(tuple, rows)))
+
+
+@lru_cache(maxsize=256)
+def _regions(
+    box: tuple[tuple[str, tuple[float, float]], ...],
+    unit: tuple[tuple[str, str], ...],
+    initial: tuple[tuple[float, ...], ...],
+) -> Regions:
+    """Kept, since its points and distances are found once."""
+    return Regions(dict(box), dict(unit), np.array(initial))
+
+
 def scheduled(task: Task) -> Formula | None:
     """The formula of the schedule; None where there is none, or none is needed."""
     try:
-        found = schedule_of(task)
+        found = alternatives(task)
     except UnscheduledError:
         return None
-    return None if found is None else found.formula
+    return found[0].formula if found else None
 
 
 def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
@@ -103,7 +94,7 @@ def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
 
     if file.schedule is not None:
         add("schedule", "stronger", file.schedule)
-        earlier = pursued(fragment(file.schedule), Regions(file.box, units(file), initial))
+        earlier = pursued(fragment(file.schedule), _regions_of(file, initial))
         add("begins", "weaker", conjunction(earlier))
     add("form", "weaker", regular(found[-1].formula))
     add("scale", "equivalent", derived(found[-1].formula, file.box, units(file), initial))

@@ -57,11 +57,10 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
             found.append((schedule, (len(goals) + (held > 0), len(terms), -round(times.pace, 6))))
     if not found and timed:
         raise UnscheduledError("every trace satisfies the formula")
-    most = max(schedule.pace for schedule, _ in found)
-    found.sort(
-        key=lambda each: (each[0].pace < ALIKE * most, each[1] if each[0].pace >= ALIKE * most else (-each[0].pace,))
-    )
-    return list(dict.fromkeys(schedule for schedule, _ in found))
+    enough = ALIKE * max(schedule.pace for schedule, _ in found)
+    near = sorted((each for each in found if each[0].pace >= enough), key=lambda each: each[1])
+    rest = sorted((each for each in found if each[0].pace < enough), key=lambda each: -each[0].pace)
+    return list(dict.fromkeys(schedule for schedule, _ in near + rest))
 
 
 def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tuple[Plan, Times]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -15,8 +16,10 @@ from stlbench.schedules.regions import Regions
 MOST_NODES = 300
 """Linear programmes that are solved for one plan."""
 MOST_PACE = 1e4
+"""Where nothing has a distance, so that no way limits the pace."""
 _TOLERANCE = 1e-6
 _FAST = 1.6
+"""So many times the pace a robot may have without having to wait for what is excluded before a goal."""
 _LENGTH = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
@@ -29,8 +32,6 @@ class Times:
 
     pace: float
     values: tuple[int, ...]
-    order: tuple[tuple[int, int], ...] = ()
-    """Pairs of items, of events and then of what is held: the first is over before the second begins."""
 
 
 @dataclass(frozen=True)
@@ -84,21 +85,25 @@ class Programme:
             return [_Row(over, second.begin, 1), _Row(over, second.end, self._hold, distance)]
         return [_Row(over, second.begin), _Row(over, second.end, self._hold, distance)]
 
+    @cached_property
+    def _free(self) -> Array | None:
+        """The solution without any order."""
+        return self._solved(())
+
     @property
     def bound(self) -> float | None:
         """The greatest pace of any order, or more; None where no order has times."""
-        solved = self._solved(())
-        return None if solved is None else float(solved[-1])
+        return None if self._free is None else float(self._free[-1])
 
-    def best(self, least: float = -1.0) -> Times | None:
-        """The times of the greatest pace; None where none is greater than `least`, or all exclude each other."""
-        found, bound = None, least
+    def best(self) -> Times | None:
+        """The times of the greatest pace; None where all exclude each other."""
+        found, bound = None, -1.0
         pending: list[tuple[tuple[int, int], ...]] = [()]
         self.nodes = 0
         while pending and self.nodes < MOST_NODES:
             self.nodes += 1
             order = pending.pop()
-            solved = self._solved(order)
+            solved = self._solved(order) if order else self._free
             if solved is None or float(solved[-1]) <= bound + _TOLERANCE:
                 continue
             clash = self._clash(solved, order)
@@ -117,7 +122,7 @@ class Programme:
 
         None where the windows leave no room, whatever excludes what.
         """
-        free = self._solved(())
+        free = self._free
         if free is None:
             return None
         order = [(i, j) if self._middle(free, i) <= self._middle(free, j) else (j, i) for i, j in self._pairs]
@@ -150,7 +155,7 @@ class Programme:
         widest = self._solved(order, pace * (1 - _TOLERANCE), early)
         solved = solved if widest is None else widest  # None by rounding errors
         values = np.floor(solved[:-1] + _TOLERANCE).astype(int)
-        return Times(max(0.0, pace), tuple(values.tolist()), order)
+        return Times(max(0.0, pace), tuple(values.tolist()))
 
     def _early(self, solved: Array) -> list[_Row]:
         """What is excluded until an event ends so soon that a robot of `_FAST` times the pace need not wait for it.
@@ -178,17 +183,20 @@ class Programme:
 
     def _clash(self, solved: Array, order: Sequence[tuple[int, int]]) -> tuple[int, int] | None:
         """The first pair whose order is open and that would be at the same time, or too near."""
-        decided = {*order, *((j, i) for i, j in order)}
-        for i, j in self._pairs:
-            if (i, j) not in decided and not (self._are_apart(solved, i, j) or self._are_apart(solved, j, i)):
+        for i, j in self._open(order):
+            if not (self._are_apart(solved, i, j) or self._are_apart(solved, j, i)):
                 return i, j
         return None
 
     def _complete(self, order: tuple[tuple[int, int], ...], solved: Array) -> tuple[tuple[int, int], ...]:
         """With the pairs whose order is open, as they are apart in a solution."""
-        decided = {*order, *((j, i) for i, j in order)}
-        rest = [pair for pair in self._pairs if pair not in decided]
+        rest = self._open(order)
         return (*order, *((i, j) if self._are_apart(solved, i, j) else (j, i) for i, j in rest))
+
+    def _open(self, order: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+        """The pairs that exclude each other and whose order is not decided."""
+        decided = {*order, *((j, i) for i, j in order)}
+        return (pair for pair in self._pairs if pair not in decided)
 
     def _are_apart(self, solved: Array, first: int, second: int) -> bool:
         return all(self._kept(solved, row) for row in self._apart(self._items[first], self._items[second]))

@@ -19,6 +19,7 @@ from helpers.schedule_checks import (
 )
 
 from stlbench import stl
+from stlbench.contract import Array, Truth
 from stlbench.schedules.derive import plans
 from stlbench.schedules.plan import conjunction
 
@@ -52,6 +53,15 @@ def test_small_formulas_on_every_trace(signals: int, steps: int) -> None:
             assert not (own & ~verdicts).any(), f"{formula}: {shown(terms)}"
             compared += 1
     assert compared > 200
+
+
+def satisfied_by_some_schedule(formula: stl.Formula, last: int, traces: Array) -> Truth:
+    """Which traces (n, last + 1, 2) satisfy the terms of any alternative with any of its times."""
+    covered = np.zeros(len(traces), dtype=bool)
+    for plan in plans(formula, last):
+        for terms in {plan.terms(values) for values in all_values(plan, last)}:
+            covered |= stl.satisfied(conjunction(terms), traces, NAMES[:2])
+    return covered
 
 
 @pytest.mark.parametrize(
@@ -90,10 +100,7 @@ def test_small_formulas_on_every_trace(signals: int, steps: int) -> None:
 def test_every_trace_that_satisfies_a_formula_satisfies_a_schedule(text: str, last: int) -> None:
     """These are the formulas of which no alternative is left out."""
     formula, names, traces = parsed(text), NAMES[:2], every_trace(2, last + 1)
-    covered = np.zeros(len(traces), dtype=bool)
-    for plan in plans(formula, last):
-        for terms in {plan.terms(values) for values in all_values(plan, last)}:
-            covered |= stl.satisfied(conjunction(terms), traces, names)
+    covered = satisfied_by_some_schedule(formula, last, traces)
     assert np.array_equal(covered, stl.satisfied(formula, traces, names))
 
 
@@ -109,10 +116,7 @@ def test_every_trace_that_satisfies_a_formula_satisfies_a_schedule(text: str, la
 def test_more_traces_satisfy_a_formula_than_its_schedules(text: str, last: int) -> None:
     """Some alternatives are left out of these, for they are too many."""
     formula, names, traces = parsed(text), NAMES[:2], every_trace(2, last + 1)
-    covered = np.zeros(len(traces), dtype=bool)
-    for plan in plans(formula, last):
-        for terms in {plan.terms(values) for values in all_values(plan, last)}:
-            covered |= stl.satisfied(conjunction(terms), traces, names)
+    covered = satisfied_by_some_schedule(formula, last, traces)
     verdicts = stl.satisfied(formula, traces, names)
     assert not (covered & ~verdicts).any()
     assert covered.any()
