@@ -21,6 +21,7 @@ from stlbench.rollout.exploring import fulfilling
 from stlbench.rollout.rewrites import initial_samples, rewrites, scheduled
 from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
+from stlbench.task.derived import can_fall
 from stlbench.task.entry import Region
 from stlbench.task.file import Budget, Ending, Exploring, TaskFile, TrainingEpisodes
 from stlbench.task.starts import sample
@@ -177,19 +178,29 @@ def in_turn(fitting: Mapping[str, RewardMethod], formula: Formula) -> tuple[str,
 
 
 def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
-    """The steps at which the next goal changes: the ends of the windows of all goals but the last, decisions' ones."""
-    ends = sorted({window.end for window in windows(formula) if not window.invariant})
-    held = {-(-end // hold) * hold for end in ends[:-1]}
+    """The steps at which the next goal changes: the ends of the windows of all goals but the last, decisions' ones.
+
+    There is no cut where a goal that has to hold at once follows, as in a tube: a robot has to be there in time.
+    """
+    goals = [window for window in windows(formula) if not window.invariant]
+    at_once = {window.begin for window in goals if window.throughout}
+    ends = sorted({window.end for window in goals})
+    held = {-(-end // hold) * hold for end in ends[:-1] if not at_once & {end, end + 1}}
     return tuple(sorted(cut for cut in held if 0 < cut < steps))
 
 
 def _ends(task: Task) -> tuple[Ending, ...]:
-    """A training episode ends where a signal leaves its range that an invariant over half of the task or more reads."""
-    if not isinstance(task.dynamics, System):
+    """Training episodes of a robot that can fall end where a signal that a long invariant reads leaves its range.
+
+    A long invariant is one of half of the task or more. Another robot, as one that leaves a room, comes back: a
+    punishment would keep it from goals near the walls.
+    """
+    file = task.file
+    if not isinstance(task.dynamics, System) or not can_fall(file.followed, file.box):
         return ()
-    long = [window for window in windows(task.file.followed) if window.invariant and 2 * window.end >= task.file.steps]
+    long = [window for window in windows(file.followed) if window.invariant and 2 * window.end >= file.steps]
     names = [name for name in task.signals if any(name in stl.signals(window.psi) for window in long)]
-    ends = [f"{name} < {task.file.box[name][0]!r} | {name} > {task.file.box[name][1]!r}" for name in names]
+    ends = [f"{name} < {file.box[name][0]!r} | {name} > {file.box[name][1]!r}" for name in names]
     return (Ending.model_validate({"where": " | ".join(ends)}),) if ends else ()
 
 

@@ -97,7 +97,7 @@ def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
         earlier = pursued(fragment(file.schedule), _regions_of(file, initial))
         add("begins", "weaker", conjunction(earlier))
     add("form", "weaker", regular(found[-1].formula))
-    add("scale", "equivalent", derived(found[-1].formula, file.box, units(file), initial))
+    add("scale", "equivalent", derived(found[-1].formula, file.box, units(file), initial, file.hold))
     return tuple(found)
 
 

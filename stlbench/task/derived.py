@@ -23,15 +23,18 @@ FARTHEST, BESIDE = 0.4, 1.0
 """What a goal costs at its worst: alone, and beside invariants, which cost at least as much when they are violated."""
 BEST = 0.5
 """What a goal pays at its best."""
+MOST_HELD = 5
+"""Steps of a decision that a violation in one of them outweighs."""
 STEEP = 50.0
 """The cost of an invariant rises to 1 within its depth over this number: nearly a jump."""
 CLEARANCE = 0.3
 """What an invariant pays at its best."""
+_NODES = 20_000
 KEPT = 4.0
 """A predicate that the start keeps costs no more beyond so many near sizes."""
 
 
-def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array) -> Formula:
+def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array, hold: int = 1) -> Formula:
     """The formula with its predicates on one scale.
 
     With m the margin of a predicate and w its near size (`scales.Scale`), the margin becomes
@@ -41,9 +44,11 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
       has to hold with it;
     - of a kept predicate, which holds at all initial states beside others that do not: the same, but -m / w counts at
       most 4. So a robot that starts at rest may move until it is there;
-    - of an invariant, with d half of the least near size among the invariants of its unit: max(-1, 50 m / d) +
+    - of an invariant, with d half of the least near size among the invariants of its unit: h max(-1, 50 m / d) +
       max(-1, m / d) where m < 0; .3 min(m / d, 1) where m >= 0. So even a shallow violation costs as much as the goal
-      that is farthest away: a minimum over both does not hide it, and no short cut pays.
+      that is farthest away: a minimum over both does not hide it. The factor h is the number of steps for which an
+      action is held, at most 5, as the reward of a decision is the mean of its steps: no corner is worth cutting. It is
+      1 for a robot that can fall, which would not dare to move.
 
     A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 where it holds. It costs 1 where it is violated
     by more than a billionth of its range. Where a formula asks for invariants alone, they count as goals.
@@ -53,9 +58,11 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
         box: the ranges of the signals.
         units: signal -> its unit; the signal's name stands in for none.
         initial: samples (n, k) at the start of episodes.
+        hold: steps for which an action is held.
     """
     parts = windows(formula)
     invariants = [part for part in parts if part.invariant] if any(not part.invariant for part in parts) else []
+    cost = BESIDE if can_fall(formula, box) else BESIDE * min(hold, MOST_HELD)
     depths = dict[tuple[str, ...], float]()
     for predicate, _ in (each for part in invariants for each in _signed(part.psi)):
         unit, depth = _unit(predicate, units), scale(predicate, box).near / 2
@@ -63,10 +70,26 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
 
     def part(window: Window) -> Formula:
         if window in invariants:
-            return _rescaled(window.psi, lambda each: _invariant(_Margin.of(each, box), depths[_unit(each[0], units)]))
+            return _rescaled(
+                window.psi, lambda each: _invariant(_Margin.of(each, box), depths[_unit(each[0], units)], cost)
+            )
         return _goal(window.psi, box, initial, BESIDE if invariants else FARTHEST)
 
     return with_parts(formula, part)
+
+
+def can_fall(formula: Formula, box: Box) -> bool:
+    """Whether an invariant of at least half of the formula's time is violated wherever a signal leaves its range.
+
+    So it is with a limit of a tilt, but not with an obstacle in a room.
+    """
+    parts = windows(formula)
+    half = max(part.end for part in parts) / 2
+    for psi in (part.psi for part in parts if part.invariant and part.end >= half):
+        for name in stl.signals(psi):
+            if any(stl.bounds(psi, {**box, name: (end, end)}, nodes=_NODES).high < 0 for end in box[name]):
+                return True
+    return False
 
 
 _Signed = tuple[Predicate, bool]
@@ -126,11 +149,11 @@ def _goal(psi: Formula, box: Box, initial: Array, farthest: float) -> Formula:
     return _rescaled(psi, shape)
 
 
-def _invariant(margin: _Margin, depth: float) -> str:
+def _invariant(margin: _Margin, depth: float, cost: float) -> str:
     if margin.tight:
         return _all_or_nothing(margin)
     deep = f"{margin.text} / {depth:.9g}"
-    border = f"max(-{BESIDE:g}, min(0, {STEEP:g} * {deep}))"
+    border = f"max(-{cost:g}, min(0, {STEEP * cost:g} * {deep}))"
     return f"{CLEARANCE:g} * min(1, max(0, {deep})) + {border} + max(-1, min(0, {deep}))"
 
 
