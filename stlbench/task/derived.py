@@ -16,7 +16,7 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.stl import And, Formula, Predicate
 from stlbench.stl.language.syntax import Connective
-from stlbench.task.scales import Box, Scale, scale
+from stlbench.task.scales import Box, Scale, scale, violated
 from stlbench.task.windows import Window, windows, with_parts
 
 FARTHEST, BESIDE = 0.4, 1.0
@@ -29,7 +29,6 @@ STEEP = 50.0
 """The cost of an invariant rises to 1 within its depth over this number: nearly a jump."""
 CLEARANCE = 0.3
 """What an invariant pays at its best."""
-_NODES = 20_000
 KEPT = 4.0
 """A predicate that the start keeps costs no more beyond so many near sizes."""
 
@@ -85,11 +84,14 @@ def can_fall(formula: Formula, box: Box) -> bool:
     """
     parts = windows(formula)
     half = max(part.end for part in parts) / 2
-    for psi in (part.psi for part in parts if part.invariant and part.end >= half):
-        for name in stl.signals(psi):
-            if any(stl.bounds(psi, {**box, name: (end, end)}, nodes=_NODES).high < 0 for end in box[name]):
-                return True
-    return False
+    long = [part.psi for part in parts if part.invariant and part.end >= half]
+    conjuncts = [each for psi in long for each in (psi.args if isinstance(psi, And) else (psi,))]
+    return any(_limits(each, name, box) for each in conjuncts for name in stl.signals(each))
+
+
+def _limits(psi: Formula, name: str, box: Box) -> bool:
+    """Whether a formula without temporal operators is violated wherever a signal is at an end of its range."""
+    return any(violated(psi, {**box, name: (end, end)}) for end in box[name])
 
 
 _Signed = tuple[Predicate, bool]

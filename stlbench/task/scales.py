@@ -53,6 +53,11 @@ def scale(psi: stl.Formula, box: Box) -> Scale:
     return Scale(0.1 * largest if tight else above, 0.1 * largest if sure else below, tight, sure)
 
 
+def violated(psi: stl.Formula, box: Box) -> bool:
+    """Whether a formula without temporal operators is proven to hold nowhere in the box."""
+    return _sides(psi, tuple(box.items()))[0] == 0 < _sides(psi, tuple(box.items()))[1]
+
+
 def reach(expression: Expression, box: Box) -> float:
     """The largest magnitude of an expression over the box; 1 where it has no finite bound, or is 0 everywhere."""
     return max(_sides(as_margin(expression), tuple(box.items()))) or 1.0

@@ -27,6 +27,9 @@ from stlbench.task.task import agent_for
         ("F[0,5] x >= 0 & F[0,7] x <= 0 & F[0,9] x >= 1", 2, (6, 8)),
         ("G[0,100] x >= 0 & F[0,50] x <= 1", 1, ()),
         ("F[0,5] x >= 0 & F[2,5] x <= 0", 1, ()),
+        ("G[5,9] x >= 0 & G[9,12] x >= 1 & F[12,20] x <= 0", 1, (12,)),  # it has to be at 1 as it leaves 0
+        ("G[5,9] x >= 0 & G[10,12] x >= 1", 1, ()),
+        ("G[5,9] x >= 0 & G[11,12] x >= 1", 1, (9,)),
     ],
 )
 def test_returns_are_cut_where_the_next_goal_changes(formula: str, hold: int, expected: tuple[int, ...]) -> None:
@@ -134,13 +137,31 @@ def test_where_no_range_is_of_a_coordinate_exploring_begins_in_initial_states() 
     assert holds(task.file.initial.where, tuple(exploring.states.box))(drawn).all()
 
 
-@pytest.mark.parametrize("part", ["features", "rewarded", "cuts", "ends", "near", "exploring"])
-def test_each_derived_part_can_be_left_out(part: str) -> None:
+@pytest.mark.parametrize(
+    ("task", "part"),
+    [
+        *(("overlap", part) for part in ("features", "rewarded", "cuts", "near", "exploring")),
+        ("cartpole-steady", "ends"),
+    ],
+)
+def test_each_derived_part_can_be_left_out(task: str, part: str) -> None:
     """The file of `overlap` has no condition `near`, and the rules derive all of these parts."""
-    whole, less = (
-        on_track(load_task(name), Choice("dqn"), "auto").file for name in ("overlap", f"overlap[without={part}]")
-    )
+    whole, less = (on_track(load_task(name), Choice("dqn"), "auto").file for name in (task, f"{task}[without={part}]"))
     assert less == whole.without(part)
+
+
+@pytest.mark.parametrize(
+    ("name", "ends"),
+    [
+        ("suite:quadrotor/overlap/0", "x < 0 | x > 6 | z < 0 | z > 6 | tilt < -1.5 | tilt > 1.5"),
+        ("suite:cart-pendulum/chain/0", "angle < -1 | angle > 1"),
+        ("suite:double-integrator/chain/0", ""),  # leaving the room violates nothing
+        ("overlap", ""),
+    ],
+)
+def test_training_episodes_end_early_for_robots_that_can_fall(name: str, ends: str) -> None:
+    found = on_track(load_task(name), Choice("dqn"), "auto").file.training.ends
+    assert [str(end.where) for end in found] == ([str(parse(ends))] if ends else [])
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from stlbench.contract import Array
 from stlbench.stl import Formula, margin, parse, satisfied
-from stlbench.task.derived import derived
+from stlbench.task.derived import can_fall, derived
 from stlbench.task.forms import regular
 from stlbench.task.scales import scale
 from stlbench.task.windows import windows
@@ -87,6 +87,36 @@ def test_an_invariant_by_hand() -> None:
         (0, -2),
     ):
         assert _value(both, x) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("hold", "border"), [(1, 1), (2, 2), (5, 5), (10, 5)])
+def test_a_shallow_violation_in_one_step_outweighs_a_decision(hold: int, border: float) -> None:
+    """The mean over a decision of `hold` steps, of which one is violated, is the cost of the farthest goal."""
+    derived_formula = derived(parse("G[0,9] abs(x) >= 1 & F[0,9] y >= 1"), BOX, {}, AT_REST, hold)
+    value = margin(windows(derived_formula)[0].psi, NAMES)
+    assert value(np.array([0.98, 0.0, 0.0])) == pytest.approx(-border - 0.04)
+    assert value(np.array([1.25, 0.0, 0.0])) == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(
+    ("formula", "falls"),
+    [
+        ("G[0,9] abs(x) <= 1 & F[0,9] y >= 1", True),
+        ("G[0,9] (abs(x) <= 1 & abs(y) >= 1) & F[0,9] y >= 1", True),
+        ("G[0,9] abs(x) >= 1 & F[0,9] y >= 1", False),  # an obstacle
+        ("G[0,3] abs(x) <= 1 & F[0,9] y >= 1", False),  # less than half of the time
+        ("G[1,9] abs(x) <= 1", False),  # a goal
+        ("G[0,9] x >= -1 & F[0,9] y >= 1", True),  # at one end
+        ("F[0,9] y >= 1", False),
+    ],
+)
+def test_a_robot_can_fall_where_leaving_a_range_violates_an_invariant(formula: str, falls: bool) -> None:
+    assert can_fall(parse(formula), BOX) == falls
+
+
+def test_a_robot_that_can_fall_pays_the_same_however_long_it_holds_an_action() -> None:
+    limited = parse("G[0,9] abs(x) <= 1 & F[0,9] y >= 1")
+    assert derived(limited, BOX, {}, AT_REST, 5) == derived(limited, BOX, {}, AT_REST, 1)
 
 
 def test_invariants_of_one_unit_share_the_steepest_scale() -> None:

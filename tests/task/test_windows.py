@@ -41,6 +41,23 @@ def test_by_hand(formula: str, expected: list[tuple[str, int, int, bool]]) -> No
     assert found == expected
 
 
+@pytest.mark.parametrize(
+    ("formula", "expected"),
+    [
+        ("G[2,9] x >= 0", [True]),
+        ("F[2,9] x >= 0", [False]),
+        ("F[1,4] G[2,3] x >= 0", [False]),
+        ("F[4,4] G[2,3] x >= 0", [True]),
+        ("G[2,9] (x >= 0 & F[0,3] y >= 0)", [True, False]),
+        ("G[2,9] x >= 0 | G[2,9] y >= 0", [False, False]),
+        ("x >= 0 U[2,6] y >= 0", [False, False]),
+        ("G[5,9] O[1,2] x >= 0 & G[5,9] H[1,2] y >= 0", [False, True]),
+    ],
+)
+def test_a_window_is_throughout_where_each_of_its_samples_counts(formula: str, expected: list[bool]) -> None:
+    assert [window.throughout for window in windows(parse(formula))] == expected
+
+
 @settings(max_examples=40)
 @given(formulas(longest=3), st.integers(0, 2**32 - 1))
 def test_rebuilt_of_its_own_parts_it_means_the_same(formula: Formula, seed: int) -> None:
