@@ -44,9 +44,9 @@ def report(
 ) -> None:
     """Rebuild the tables and figures from a ledger.
 
-    Covers all cells that are recorded in DIR, prints the tables and rewrites the files. Without the right to write in
-    DIR, it warns and prints the tables alone. --width column makes figures and LaTeX for one column of a paper.
-    --explain prints the notes of the tables too. --json prints an object with the lists robustness, comparisons,
+    Covers all cells that are recorded in DIR, prints what was learned and rewrites the files. Without the right to
+    write in DIR, it warns and prints alone. --width column makes figures and LaTeX for one column of a paper.
+    --explain prints all tables, with their notes. --json prints an object with the lists robustness, comparisons,
     aggregates, groups, differences, improvement, controllers, alignment, time and cells. --html writes one file in
     place of all that: tables to sort and filter, figures, and every cell, for any browser, without a network. It needs
     the extra `page`. Prints its path; with --json an object with path and bytes.
@@ -102,8 +102,11 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
     elif as_json:
         _print_json(content)
     else:
-        for table in content.summary:
-            to_screen(table, console(), explain=explain or table in content.first)
+        for each in content.summary if explain else content.answer:
+            if isinstance(each, str):
+                typer.echo(each)
+            else:
+                to_screen(each, console(), explain=explain or each in content.first)
     if not all(bundle.is_fine for bundle in bundles):
         raise typer.Exit(1)
 
@@ -116,25 +119,23 @@ def _print_json(report: Report) -> None:
 def show_report(
     groups: Sequence[Group], folder: Path, explain: bool, width: Width = "page", shown: Sequence[Group] | None = None
 ) -> None:
-    """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie.
+    """Write all files, of all groups; then print the answer of those that are to be shown, and where the files lie.
 
-    The notes of the tables are printed if the user asks to `explain`; else two lines say where they are.
+    All tables with their notes are printed if the user asks to `explain`.
     """
     content = Report(groups, standards_of(groups))
     part = content if shown is None or list(shown) == list(groups) else Report(shown, content.standards, groups)
     is_written, out = _write(content, folder, width), console()
-    for table in part.summary:
-        to_screen(table, out, explain=explain)
+    for each in part.summary if explain else part.answer:
+        if isinstance(each, str):
+            typer.echo(each)
+        else:
+            to_screen(each, out, explain=explain)
     _warn_of_early_ends(part.groups)
+    if is_written:
+        typer.echo(f"All tables: {folder}/report.md; as .csv and .tex, and figures/, beside it.")
     if not explain:
-        typer.echo(f"How to read the tables: stlbench report {shlex.quote(str(folder))} --explain")
-    if not is_written:
-        return
-    if not explain:
-        typer.echo(f"All columns, with the notes below each table: {folder}/report.md")
-    planned = ", alignment" if content.aligned else ""
-    files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
-    typer.echo(f"Written to {folder}/: {files}")
+        typer.echo(f"All tables here, with notes: stlbench report {shlex.quote(str(folder))} --explain")
 
 
 def _warn_of_early_ends(groups: Sequence[Group]) -> None:

@@ -14,6 +14,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
+from stlbench.report.tables.answer import answer_table, verdicts
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
 from stlbench.report.tables.cells import cells_table, circumstances, time_table, unfinished_table
 from stlbench.report.tables.comparisons import Comparison, advice, compare, comparisons_table
@@ -95,9 +96,7 @@ class Report:
 
     @cached_property
     def robustness(self) -> Table:
-        outside = (group for group in self._recorded if group.outside)
-        untrained = [each for each in outside if each.setting.task in self._tasks or each in self.groups]
-        return robustness_table(self.learned, self._known, untrained)
+        return robustness_table(self.learned, self._known, self._outside)
 
     @cached_property
     def comparisons(self) -> Table:
@@ -132,6 +131,14 @@ class Report:
         return (*self.first, *(table for table in tables if table.rows))
 
     @property
+    def answer(self) -> tuple[Table | str, ...]:
+        """What a screen shows: what was learned, or else planned, what went wrong, and a line for each two methods."""
+        policies = [*self.learned, *self._outside]
+        found = answer_table(policies, self._known) if policies else self.tables["alignment"]
+        shown = [table for table in (*self.first, found, unfinished_table(self.groups)) if table.rows]
+        return (*shown, *verdicts(self.pairs))
+
+    @property
     def across(self) -> list[Table]:
         """The tables over several tasks, also those without a row."""
         return [self.tables[name] for name in _ACROSS]
@@ -139,6 +146,12 @@ class Report:
     @property
     def circumstances(self) -> Table:
         return circumstances(trained(self.groups))
+
+    @cached_property
+    def _outside(self) -> tuple[Group, ...]:
+        """Policies from outside, of the tasks that are shown."""
+        outside = (group for group in self._recorded if group.outside)
+        return tuple(each for each in outside if each.setting.task in self._tasks or each in self.groups)
 
     @property
     def _recorded(self) -> Sequence[Group]:

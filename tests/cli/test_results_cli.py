@@ -171,19 +171,19 @@ def test_merging_says_how_many(say, ledger):
     ]
 
 
-def test_after_the_tables_two_lines_say_where_the_notes_are(ledger, say):
+def test_the_last_two_lines_say_where_all_tables_are(ledger, say):
     done = say("report", "results")
     assert done.exit_code == 0
     notes = "Robustness is in the unit of the task's predicates"
     assert notes not in done.stdout
-    assert done.stdout.splitlines()[-3:-1] == [
-        "How to read the tables: stlbench report results --explain",
-        "All columns, with the notes below each table: results/report.md",
+    assert done.stdout.splitlines()[-2:] == [
+        "All tables: results/report.md; as .csv and .tex, and figures/, beside it.",
+        "All tables here, with notes: stlbench report results --explain",
     ]
     assert notes in Path("results/report.md").read_text()
     explained = say("report", "results", "--explain")
     assert notes in explained.stdout
-    assert "How to read the tables" not in explained.stdout
+    assert "All tables here" not in explained.stdout
 
 
 @pytest.mark.slow  # tests/report measures the figures

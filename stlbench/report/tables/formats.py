@@ -159,8 +159,8 @@ def _latex_text(text: str) -> str:
 def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
     """Print the table as wide as the console. What all rows share goes into the title, long texts go below.
 
-    A table that is too wide loses columns, and a line names them. One without such columns comes in parts, one below
-    the other. Notes follow unless `explain` is off.
+    A table that is too wide loses columns. One without such columns comes in parts, one below the other. To `explain`,
+    a line names the columns that are left out, and notes follow.
     """
     columns, rows = table.columns, _texts(table)
     widths = [_least(column, [row[i] for row in rows]) for i, column in enumerate(columns)]
@@ -176,7 +176,7 @@ def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
         console.print(laid_out)
         console.print()
     left_out = [f"Left out on this narrow screen: {fit.left_out}."] if fit.left_out else []
-    notes = [*left_out, *(table.notes if explain else ())]
+    notes = [*left_out, *table.notes] if explain else []
     for line in [*(Text(remark) for remark in fit.remarks), *(Text(note, style="dim") for note in notes)]:
         console.print(line)
     if fit.remarks or notes:
