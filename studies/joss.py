@@ -81,7 +81,7 @@ def table() -> str:
     """One row per task: the verdict of `funnel` against `raw` and the difference with its interval."""
     lines = [["Task", "Difference of mean robustness", "`funnel` is"], [":--", ":--", ":--"]]
     lines += [
-        [f"`{row['task']}`", _difference(row), row["verdict"].replace("=", "equal but for a constant")]
+        [f"`{row['task']}`", _difference(row), recorded.verdict(row).replace("=", "equal but for a constant")]
         for row in _pairs()
     ]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -94,7 +94,7 @@ def tracks() -> str:
 def compared(folder: str, track: str) -> dict[tuple[str, str, str], str]:
     """Task, method and another -> in words how they compare, on the tasks themselves by their own agents."""
     return {
-        (row["task"], row["method"], row["other"]): row["verdict"]
+        (row["task"], row["method"], row["other"]): recorded.verdict(row)
         for row in recorded.table(folder, "comparisons")
         if (row["track"], row["budget"]) == (track, "quick") and "[" not in row["task"] + row["agent"]
     }

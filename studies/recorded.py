@@ -49,6 +49,12 @@ class Seeds:
         return sum(self.passed), sum(share >= LEARNED for share in self.final)
 
 
+def verdict(row: Row) -> str:
+    """Of a row of comparisons: "better"; "cannot tell, 14 seeds would"."""
+    needed = row["seeds needed"]
+    return row["verdict"] + (f", {'over 1000' if needed == '1001' else needed} seeds would" if needed else "")
+
+
 def table(folder: str, name: str) -> list[Row]:
     """The rows of a table that the report wrote."""
     with (RESULTS / folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -79,11 +79,11 @@ class Report:
     @cached_property
     def fields(self) -> tuple[Field, ...]:
         """The sets of tasks over which methods are aggregated."""
-        return fields(self.learned, self._known)
+        return fields(self.learned, self.known)
 
     @cached_property
     def pairs(self) -> tuple[Comparison, ...]:
-        return compare(self.learned, self._known)
+        return compare(self.learned, self.known)
 
     @cached_property
     def aligned(self) -> tuple[Aligned, ...]:
@@ -92,11 +92,11 @@ class Report:
 
     @cached_property
     def overview(self) -> Table:
-        return overview(self.learned, self._known, advice(self.pairs))
+        return overview(self.learned, self.known, advice(self.pairs))
 
     @cached_property
     def robustness(self) -> Table:
-        return robustness_table(self.learned, self._known, self._outside)
+        return robustness_table(self.learned, self.known, self.outside)
 
     @cached_property
     def comparisons(self) -> Table:
@@ -107,6 +107,7 @@ class Report:
         """The tables that are written as files and as JSON, by name, also those without a row."""
         names = {group.setting.task.name for group in self.groups}
         return {
+            "overview": self.overview if len(self._tasks) > 1 else replace(self.overview, rows=()),
             "robustness": self.robustness,
             "comparisons": self.comparisons,
             "aggregates": aggregates_table(self.fields),
@@ -125,16 +126,15 @@ class Report:
     @property
     def summary(self) -> tuple[Table, ...]:
         """What a reader is shown, in this order; tables without a row are left out."""
-        overview = [self.overview] * (len(self._tasks) > 1)
         of_tasks = [self.tables[name] for name in ("robustness", "comparisons", "controllers", "alignment", "time")]
-        tables = (*overview, *self.across, *of_tasks, unfinished_table(self.groups))
+        tables = (self.tables["overview"], *self.across, *of_tasks, unfinished_table(self.groups))
         return (*self.first, *(table for table in tables if table.rows))
 
     @property
     def answer(self) -> tuple[Table | str, ...]:
         """What a screen shows: what was learned, or else planned, what went wrong, and a line for each two methods."""
-        policies = [*self.learned, *self._outside]
-        found = answer_table(policies, self._known) if policies else self.tables["alignment"]
+        policies = [*self.learned, *self.outside]
+        found = answer_table(policies, self.known) if policies else self.tables["alignment"]
         shown = [table for table in (*self.first, found, unfinished_table(self.groups)) if table.rows]
         return (*shown, *verdicts(self.pairs))
 
@@ -148,7 +148,7 @@ class Report:
         return circumstances(trained(self.groups))
 
     @cached_property
-    def _outside(self) -> tuple[Group, ...]:
+    def outside(self) -> tuple[Group, ...]:
         """Policies from outside, of the tasks that are shown."""
         outside = (group for group in self._recorded if group.outside)
         return tuple(each for each in outside if each.setting.task in self._tasks or each in self.groups)
@@ -162,7 +162,8 @@ class Report:
         return {group.setting.task for group in self.learned}
 
     @cached_property
-    def _known(self) -> Known:
+    def known(self) -> Known:
+        """What is known of the tasks, such as the best that anything reached."""
         best = best_known(self._recorded, self.standards)
         return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
 
@@ -174,7 +175,7 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
     """Write every table into `folder`, and every figure that has changed; the paths of all files.
 
     report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone. There are no
-    files of aggregates below three tasks, of groups without drawn tasks, and of alignment without a plan. figures/ has
+    files of the overview of one task, of aggregates below three, of groups without drawn tasks, and of alignment without a plan. figures/ has
     a few figures of each task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
     Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
     """
@@ -184,7 +185,7 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
     text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))
     files = {"report.md": f"# stlbench report\n\n{text}"}
     for name, table in report.tables.items():
-        if table.rows or name not in (*_ACROSS, "alignment"):
+        if table.rows or name not in ("overview", *_ACROSS, "alignment"):
             files[f"{name}.csv"] = to_csv(table)
             if name != "cells":
                 files[f"{name}.tex"] = to_latex(table, width)

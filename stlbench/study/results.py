@@ -19,6 +19,7 @@ from stlbench.records.status import ACCIDENTS, NOT_RUN
 if TYPE_CHECKING:
     import pandas as pd
 
+    from stlbench.report import Report, Table
     from stlbench.study.policies import LoadedPolicy
 
 _NUMBERS = (
@@ -130,22 +131,32 @@ class Results:
         )
         return _table(rows, ("protocol", "policy", *_SCORE)).astype({"ended_early": float})
 
+    def table(self) -> pd.DataFrame:
+        """One row per method on a task: the table that `stlbench run` prints.
+
+        `learned count` seeds learned the task, of `learned seeds` that ran. `robustness` is that of the median seed.
+        """
+        from stlbench.report.tables.answer import answer_table
+
+        report = self._report()
+        return _frame(answer_table([*report.learned, *report.outside], report.known, most=len(report.groups)))
+
     def comparisons(self) -> pd.DataFrame:
         """One row per pair of methods on a task, agent, budget and track: the table "Comparisons" of `stlbench report`.
 
-        It has every number in full, and the verdict. The correction is for all pairs of these results. Controllers of
-        the tasks act first, which takes some seconds for tasks on a MuJoCo model.
+        `verdict` is better, worse, mixed, no difference found, cannot tell or =, of the method against the other. The
+        correction is for all pairs of these results. `seeds needed` of each method would decide what cannot be told.
         """
-        import pandas as pd
+        return _frame(self._report().comparisons)
 
-        from stlbench.report import Report, condense, to_records
+    def _report(self) -> Report:
+        """Controllers of the tasks act first, which takes some seconds for tasks on a MuJoCo model."""
+        from stlbench.report import Report, condense
         from stlbench.rollout.standards import standards
         from stlbench.study.plugin_guard import ask
 
         groups = condense(self.results, self.missing)
-        table = Report(groups, standards((group.setting for group in groups), ask)).comparisons
-        titles = [title for column in table.columns for title in column.headings]
-        return pd.DataFrame(to_records(table), columns=titles)
+        return Report(groups, standards((group.setting for group in groups), ask))
 
     def curves(self) -> pd.DataFrame:
         """One row per finished cell and checkpoint, scored on the starts that are kept for selection.
@@ -190,6 +201,15 @@ class Results:
         from stlbench.study.policies import load_policy  # all that simulates, which tables do without
 
         return load_policy(self.folder, self.cell(cell, budget), which)
+
+
+def _frame(table: Table) -> pd.DataFrame:
+    import pandas as pd
+
+    from stlbench.report import to_records
+
+    titles = [title for column in table.columns for title in column.headings]
+    return pd.DataFrame(to_records(table), columns=titles)
 
 
 def _table(rows: Iterable[tuple[CellId, Mapping[str, Any]]], columns: tuple[str, ...]) -> pd.DataFrame:

@@ -121,7 +121,8 @@ def test_report_as_json(run, say):
     run("toy-raw,toy-large")
     found = json.loads(say("report", "results", "--json").stdout)
     pairs = {"comparisons", "differences", "improvement"}
-    assert set(found) == pairs | {"robustness", "aggregates", "groups", "controllers", "alignment", "time", "cells"}
+    rest = {"overview", "robustness", "aggregates", "groups", "controllers", "alignment", "time", "cells"}
+    assert set(found) == pairs | rest
     assert [name for name, rows in found.items() if rows] == ["robustness", "controllers", "time", "cells"]
     large, raw = found["robustness"]
     assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")

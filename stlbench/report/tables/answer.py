@@ -8,7 +8,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report.tables.comparisons import Comparison
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import Group
-from stlbench.report.tables.table import Column, Table, Value
+from stlbench.report.tables.table import Column, Share, Table, Value
 from stlbench.statistics.differences import Difference, Word
 from stlbench.statistics.intervals import Interval, mean, median, median_interval
 
@@ -28,12 +28,12 @@ _SAID = {
 }
 
 
-def answer_table(groups: Sequence[Group], known: Known) -> Table:
+def answer_table(groups: Sequence[Group], known: Known, most: int = MOST_ROWS) -> Table:
     """What each method learned: a row for each method on each task, or for each method where rows are too many.
 
     The groups are of agents that learn, or of policies from outside. Times are CPU seconds of a cell.
     """
-    if len(groups) > MOST_ROWS and len({group.setting.task for group in groups}) > 1:
+    if len(groups) > most and len({group.setting.task for group in groups}) > 1:
         return _over_tasks(groups)
     columns: dict[Column, Callable[[Group], Value]] = {
         Column("task", right=False, shared=True): lambda group: str(group.setting.task),
@@ -41,7 +41,11 @@ def answer_table(groups: Sequence[Group], known: Known) -> Table:
         Column("agent", right=False, shared=True): lambda group: str(group.setting.agent),
         Column("budget", right=False, shared=True): lambda group: "unknown" if group.outside else group.setting.budget,
         Column("track", right=False, shared=True): lambda group: group.setting.track,
-        Column("learned"): _learned,
+        Column("learned", kind=Share): (
+            lambda group: Share(
+                sum(group.values("learned")), group.tried if group.done else 0, group.seeds.unfinished
+            )
+        ),
         Column("robustness", digits=3): lambda group: _robustness(group, median),
         Column("95 % interval", digits=3, kind=Interval, drop=1): lambda group: _robustness(group, median_interval),
         Column("best known", digits=3, drop=2): lambda group: known.best.get(group.setting.task),
@@ -49,12 +53,6 @@ def answer_table(groups: Sequence[Group], known: Known) -> Table:
         Column("remarks", right=False, below=True): lambda group: group.remarks or None,
     }
     return Table.of("Results", sorted(groups, key=lambda group: (group.setting.task, group.outside)), columns)
-
-
-def _learned(group: Group) -> str | None:
-    """Seeds that learned, of those that ran: "4 of 5". How the others ended follows: "3 of 3, 2 not run"."""
-    ended = [f"{sum(group.values('learned'))} of {group.tried}"] if group.done else []
-    return ", ".join([*ended, *([group.seeds.unfinished] if group.seeds.unfinished else [])]) or None
 
 
 def _robustness(group: Group, of: Callable[[Sequence[float]], Value]) -> Value:

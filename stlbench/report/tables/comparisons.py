@@ -89,8 +89,9 @@ def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
         f"p: after Holm's correction for all pairs that are tested here, {tested} of them; better or worse below 0.05. "
         "Decided by: the respects in which the two are that far apart.",
         f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best known "
-        "robustness, or of that by hand. Cannot tell: with that many seeds of each method a verdict would come out in "
-        "80 % of cases, if all is as it looks. =: both pay the same up to a constant.",
+        "robustness, or of that by hand. Cannot tell: with the seeds needed of each method a verdict would come out in "
+        f"80 % of cases, if all is as it looks; {MOST_SEEDS + 1} are more than {MOST_SEEDS}. =: both pay the same up to "
+        "a constant.",
         *(["Mixed: the two differ, and the respects that decide disagree on which is better."] if mixed else []),
     )
     return Table.of(
@@ -107,7 +108,8 @@ def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
             Column("p alone", digits=4, drop=4): lambda each: each.difference.alone,
             Column("p", digits=4, drop=2): lambda each: each.difference.chance,
             Column("margin", digits=3, drop=3): lambda each: each.margin,
-            Column("verdict", right=False): lambda each: str(each.difference),
+            Column("verdict", right=False): lambda each: each.difference.word,
+            Column("seeds needed", digits=0): lambda each: each.difference.seeds,
             Column("decided by", right=False, drop=1): lambda each: ", ".join(each.difference.decided) or None,
         },
         notes,

@@ -79,7 +79,7 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
         Column("worst start", digits=3, drop=5): lambda group: min(group.values("robustness_min"), default=None),
         Column("satisfied", unit="%", digits=1): lambda group: _percent(group.values("satisfaction")),
         Column("ended early", unit="%", digits=1): lambda group: _percent(group.values("ended_early")),
-        Column("learned", drop=2): lambda group: _count(group, "learned"),
+        Column("learned"): lambda group: _count(group, "learned"),
         Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4): (
             lambda group: _percent_interval(group, "learned")
         ),

@@ -12,6 +12,7 @@ from stlbench.report import condense, to_records
 from stlbench.report.tables.answer import MOST_ROWS, answer_table, verdicts
 from stlbench.report.tables.comparisons import compare
 from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.table import Share, show
 
 KNOWN = Known({}, {Choice("hold-disc"): 0.4})
 
@@ -30,10 +31,19 @@ RESULTS = [
 
 def test_a_row_for_each_method_on_each_task() -> None:
     flag, funnel, _, none = to_records(answer_table(condense(RESULTS), KNOWN))
-    assert (flag["method"], flag["learned"], flag["robustness"]) == ("flag", "3 of 5", 0.11)
+    assert (flag["method"], flag["learned count"], flag["learned seeds"], flag["robustness"]) == ("flag", 3, 5, 0.11)
     assert (flag["95 % interval low"], flag["95 % interval high"]) == (-0.13, 0.14)
-    assert (funnel["learned"], funnel["best known"]) == ("5 of 5", 0.4)
-    assert (none["learned"], none["robustness"], none["remarks"]) == ("1 intractable", None, "intractable: too many")
+    assert (funnel["learned count"], funnel["best known"]) == (5, 0.4)
+    assert (none["learned count"], none["learned others"], none["robustness"]) == (0, "1 intractable", None)
+    assert none["remarks"] == "intractable: too many"
+
+
+@pytest.mark.parametrize(
+    ("share", "shown"),
+    [(Share(3, 5), "3 of 5"), (Share(3, 3, "2 not run"), "3 of 3, 2 not run"), (Share(0, 0, "2 not run"), "2 not run")],
+)
+def test_how_many_learned_is_shown_with_how_the_others_ended(share: Share, shown: str) -> None:
+    assert show(share) == shown
 
 
 def test_too_many_rows_become_one_for_each_method() -> None:

@@ -137,7 +137,7 @@ def test_code_and_one_day() -> None:
 
 def test_comparisons() -> None:
     (row,) = [shown(comparisons_table(compare(condense([*RESULTS, *OTHERS]), KNOWN)))]
-    assert row.keys() == {"difference", "95 % interval", "p alone", "p", "margin"}
+    assert row.keys() == {"difference", "95 % interval", "p alone", "p", "margin", "seeds needed"}
     assert (row["difference"], row["margin"]) == ("0.254", "0.143")
     assert (len(row["p alone"]), len(row["p"])) == (6, 6)
     assert row["95 % interval"].startswith("[-0.")
