@@ -168,11 +168,12 @@ def check(
     task: Annotated[
         str | None, typer.Option(metavar="TASK", help="On which to check a method.", show_default="small formulas")
     ] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Print the rules that are kept too.")] = False,
 ) -> None:
     """Check that a method, task, agent, executor, log or suite keeps the rules of its contract.
 
-    One line for each rule that is kept, up to the first that is broken. The exit code is 1 where a rule is broken, 2
-    for bad input or a plugin that refuses what it is checked on, otherwise 0. That a reward is the right one, or that
+    Prints how many rules are kept, up to the first that is broken. The exit code is 1 where a rule is broken, 2 for bad
+    input or a plugin that refuses what it is checked on, otherwise 0. That a reward is the right one, or that
     an agent learns, is not checked. What breaks no rule and is probably not meant is a warning.
 
     \b
@@ -201,6 +202,9 @@ def check(
         broken = str(error).removeprefix("rule broken: ")
     except (Exception, SystemExit) as error:
         broken = f"it raises nothing that the contract does not name; got {_raised(error)}"
+    if verbose:
+        for rule in rules.kept:
+            typer.echo(f"kept    {rule}")
     _print(plugin, rules, broken)
     for line in rules.warnings:
         warn(line)
@@ -237,8 +241,6 @@ def _raised(error: BaseException) -> str:
 
 
 def _print(plugin: Plugin, rules: Rules, broken: str) -> None:
-    for rule in rules.kept:
-        typer.echo(f"kept    {rule}")
     if broken:
         typer.echo(f"broken  {broken}")
     ending = "and one is broken; those after it were not checked" if broken else "none is broken"

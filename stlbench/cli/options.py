@@ -81,7 +81,8 @@ def _parameter(name: str, help_text: str, default: str) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
 
 
-Explain = Annotated[bool, typer.Option("--explain", help="Print the notes that say how to read the tables.")]
+Explain = Annotated[bool, typer.Option("--explain", help="Print all tables, and how to read them.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Also on a terminal, a line for each cell that ends.")]
 Fitting = Annotated[
     Literal["column", "page"], typer.Option("--width", help="What figures and LaTeX fit: 3.5 or 7.16 inches.")
 ]

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from stlbench.cli.common import DISK_FULL, refuse
-from stlbench.cli.options import Explain, TaskName, study_options
+from stlbench.cli.options import Explain, TaskName, Verbose, study_options
 from stlbench.cli.options import names as choices
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
@@ -25,8 +25,9 @@ from stlbench.report import condense, only
 from stlbench.rollout.standards import differences
 from stlbench.study.cell import Cell
 from stlbench.study.plugin_guard import ask
-from stlbench.study.progress import Progress
-from stlbench.study.run import build_executor, run_cells, run_missing
+from stlbench.study.live_cells import duration
+from stlbench.study.progress import Progress, Tally
+from stlbench.study.run import build_executor, missing_cells, run_cells, run_missing
 from stlbench.study.solve import parse_settings, plan_alignment
 from stlbench.study.study import Study
 from stlbench.task import load_task
@@ -41,7 +42,9 @@ def run(
         typer.Argument(metavar="[STUDY]", help="A YAML file with these options as its keys; options go before it."),
     ] = None,
     *,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run, and how long, and stop.")] = False,
     explain: Explain = False,
+    verbose: Verbose = False,
     **options: Any,
 ) -> None:
     """Compare reward methods: train and score every task, method, agent and seed.
@@ -57,9 +60,24 @@ def run(
       stlbench run study.yaml --seeds 10
     """
     described = Study.of(options, study) if study else Study.of(DEFAULTS | options)
-    with interruptible(described.cells, described.results), Progress(described.results) as progress:
+    if dry_run:
+        typer.echo(_what_would_run(described))
+        return
+    with interruptible(described.cells, described.results), Progress(described.results, verbose) as progress:
         cells = run_missing(described, progress)
     report_cells({cell.id for cell in cells}, described.results, explain)
+
+
+def _what_would_run(study: Study) -> str:
+    """The cells that are missing, and how long they take if each takes as long as those of its setting did."""
+    missing, before = missing_cells(study)
+    tally = Tally([cell.id for cell in missing])
+    for result in before:
+        tally.add(result)
+    jobs = build_executor(study.executor, study.jobs, study.memory).jobs
+    first = f"{len(missing)} of {len(study.cells())} cells would run, {jobs} at a time"
+    seconds = tally.expected() / jobs
+    return f"{first}, for about {duration(seconds)}" if seconds else f"{first}; nobody knows for how long"
 
 
 @contextmanager
@@ -120,6 +138,7 @@ def plan(
         typer.Option(metavar="X", help="Factor on the points of the grid, per axis.", show_default="1"),
     ] = None,
     explain: Explain = False,
+    verbose: Verbose = False,
     **options: Any,
 ) -> None:
     """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
@@ -136,7 +155,7 @@ def plan(
     chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
     cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
     executor, retry = build_executor(options.get("executor", "local"), options.get("jobs")), options.get("retry")
-    with interruptible(lambda: cells, results), Progress(results) as progress:
+    with interruptible(lambda: cells, results), Progress(results, verbose) as progress:
         run_cells(cells, results, executor, retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
     report_cells({cell.id for cell in cells}, results, explain)

@@ -1,4 +1,4 @@
-"""How far a run is. The run itself says it, a line for each cell that ends, and `stlbench watch` from outside."""
+"""How far a run is. The run itself says it, and `stlbench watch` from outside."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rich.text import Text
 
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.result import Result, reported
+from stlbench.records.status import ACCIDENTS
 from stlbench.study.live_cells import Running, draws, duration, line_of, running
 
 if TYPE_CHECKING:
@@ -53,6 +54,10 @@ class Tally:
         seconds = self._seconds(cells, now)
         return f"about {duration(seconds)} left" if seconds >= _SOON else ""
 
+    def expected(self) -> float:
+        """Seconds that all cells take which are missing, one after the other; 0 where nothing is known."""
+        return self._seconds((), time.time())
+
     def _seconds(self, cells: Sequence[Running], now: float) -> float:
         times = {setting: list(seconds) for setting, seconds in self._times.items()}
         for one in cells:
@@ -88,17 +93,19 @@ class Tally:
 
 
 class Progress:
-    """Prints how a run goes on (`study.run.Progress`): a line on stderr for each cell that ends.
+    """Prints how a run goes on (`study.run.Progress`), on stderr.
 
-    A terminal also has a bar and the running cells of the folder below it; elsewhere a line a minute has these.
+    A terminal has a bar, the running cells of the folder below it, and a line for each cell that failed. Elsewhere,
+    and to be verbose, there is a line for each cell that ends; elsewhere one a minute has the running cells too.
     """
 
-    def __init__(self, folder: Path | None = None) -> None:
+    def __init__(self, folder: Path | None = None, verbose: bool = False) -> None:
         self.total = self.done = 0
         self.tally = Tally(())
         self.folder = folder
         self.over = threading.Event()
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
+        self.lists = verbose or not self.console.is_terminal
         self.bar: Bar | None = None
 
     def __enter__(self) -> Self:
@@ -131,7 +138,8 @@ class Progress:
         self.done += 1
         self.tally.remove(result.id)
         self.tally.add(result)
-        self.note(f"[{self.done}/{self.total}] {describe(result)}")
+        if self.lists or result.status in ACCIDENTS:
+            self.note(f"[{self.done}/{self.total}] {describe(result)}")
         if self.bar is not None:
             self.bar.update(self.bar.task_ids[0], completed=self.done, description=self._left())
 

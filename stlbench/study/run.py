@@ -152,6 +152,14 @@ def run_missing(
     return cells
 
 
+def missing_cells(study: Study) -> tuple[list[Cell], list[Result]]:
+    """The cells of a study that would run, and the results that its folder has. Nothing is written."""
+    recorded = [*stored.read(study.results)] if stored.locate(study.results) else []
+    ended = [result for result in recorded if result.status not in study.retry]
+    done = {result.id if study.keep_old else result.key for result in ended}
+    return [cell for cell in study.cells() if (cell.id if study.keep_old else cell.key) not in done], recorded
+
+
 def run_cells(
     cells: Sequence[Cell],
     folder: Path,

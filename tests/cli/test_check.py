@@ -6,9 +6,10 @@ from helpers.refusals import refused
 
 
 def test_the_kind_is_found_by_the_name(say, toy):
-    done = say("check", "toy-raw")
-    assert done.exit_code == 1  # its rewards are larger than its scale says
+    short, done = say("check", "toy-raw"), say("check", "toy-raw", "--verbose")
+    assert short.exit_code == done.exit_code == 1  # its rewards are larger than its scale says
     *kept, broken, ending = done.stdout.splitlines()
+    assert short.stdout.splitlines() == [broken, ending]
     assert kept[0] == "kept    attributes are of the declared types, functions take the declared arguments"
     assert all(line.startswith("kept  ") for line in kept)
     assert broken.startswith("broken  rewards are at most about scale = 1 in size; got ")

@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -223,3 +224,14 @@ def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy,
     moved.parent.mkdir()
     folder.rename(moved)
     assert say("run", "--tasks", moved, *words).stderr == "2 cells, 2 of them done before\n"
+
+
+def test_a_dry_run_says_what_would_run_and_writes_nothing(run, say):
+    assert run("toy-raw", "--dry-run").stdout == "2 of 2 cells would run, 1 at a time; nobody knows for how long\n"
+    assert not Path("results").exists()
+    run("toy-raw")
+    before = {path: path.stat().st_mtime_ns for path in Path("results").rglob("*")}
+    assert run("toy-raw", "--dry-run").stdout.startswith("0 of 2 cells would run, 1 at a time")
+    more = run("toy-raw", "--seeds", "6", "--dry-run").stdout
+    assert re.fullmatch(r"4 of 6 cells would run, 1 at a time, for about .+\n", more)
+    assert {path: path.stat().st_mtime_ns for path in Path("results").rglob("*")} == before
