@@ -75,7 +75,9 @@ class Delivery:
         """Write all files; the facts of the certificate."""
         actor, remarks = of_cell(self.cells, self.best), list[str]()
         starts = _FEWEST if self.interrupted else self._starts(actor)
-        facts = {"cell": self.best.id.name, "budget": self.best.id.budget, "key": self.best.key}
+        facts = {"formula": str(actor.task.formula), "step seconds": actor.task.file.sampling_time}
+        facts |= {"environment": _environment(actor.task, self.problem)}
+        facts |= {"cell": self.best.id.name, "budget": self.best.id.budget, "key": self.best.key}
         facts |= {"interrupted": self.interrupted} | self._certified(actor, starts)
         counterexample = None if self.interrupted else self._attacked(actor, starts)
         for what, part in (("policy", self._policy), ("page", self._page), ("film", self._film)):
@@ -169,9 +171,9 @@ class Delivery:
         shares = {result.id.seed: rank(result)[0] for result in finals}
         each = ", ".join(f"seed {seed} {100 * share:.0f} %" for seed, share in sorted(shares.items()))
         if each:
-            yield f"Trained again with fresh seeds, of the starts for selection satisfied: {each}."
+            yield f"Retrained with fresh seeds. Share of the selection starts that satisfy: {each}."
         if self.best.id.budget != FINAL:
-            why = "no fresh seed satisfies from as many of the starts for selection" if each else "no time was left"
+            why = "no fresh seed is better on the selection starts" if each else "no time was left to train again"
             yield f"The policy is from the race: {why}."
 
     def _missing(self) -> Iterator[str]:
@@ -216,13 +218,19 @@ class Delivery:
 
 def sentence(facts: Mapping[str, Any]) -> str:
     """The certificate in words."""
+    if not facts["satisfied"]:
+        return f"Not learned: the policy satisfies from none of {facts['starts']} fresh starts."
     if facts["low"] is None:
-        return (
-            f"The task has a single start, from which the policy {'satisfies' if facts['satisfied'] else 'violates'}."
-        )
+        return "The task has a single start, from which the policy satisfies."
     counted = f"{facts['satisfied']} of {facts['starts']} fresh starts"
     share = f"{100 * np.floor(1e3 * facts['low']) / 1e3:.1f} %"
     return f"It satisfies from at least {share} of the starts, {100 * facts['confidence']:g} % confidence ({counted})."
+
+
+def _environment(task: Task, problem: Problem) -> str:
+    """The id in Gymnasium, or the name of the task: never a path."""
+    entry = task.file.environment
+    return entry.id if entry and entry.id else Path(problem.environment).name
 
 
 def _attack(attacked: Falsification) -> str:
@@ -236,7 +244,8 @@ def _attack(attacked: Falsification) -> str:
 def _lines(task: Task, problem: Problem, folder: Path) -> list[str]:
     """Python that runs the policy for an episode."""
     trusted = ", run_code=True" if code_of(folder / TASK.name) else ""
-    load = f'policy = stlbench.Solution.load("{folder}"{trusted}).policy'
+    place = folder.name if folder.is_absolute() else folder
+    load = f'policy = stlbench.Solution.load("{place}"{trusted}).policy'
     loop = f"for t in range({task.file.steps}):"
     if isinstance(task.dynamics, GymTask):
         given = "".join(f", {name}={value!r}" for name, value in problem.keywords.items())

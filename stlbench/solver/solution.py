@@ -32,7 +32,8 @@ FINAL, RACE = "final", "race"
 class Acting:
     """A stored policy that acts on what its environment shows, or on a system's state.
 
-    Call it at every step of an episode, from t = 0 on: the method's inputs depend on the samples so far.
+    Call it at every step of an episode, from t = 0 on: the method's inputs depend on the samples so far. Beyond the
+    formula's horizon it acts as in its last decision.
     """
 
     def __init__(self, loaded: LoadedPolicy) -> None:
@@ -52,20 +53,19 @@ class Acting:
             info: of the environment, where signals are entries of it.
 
         Raises:
-            UsageError: t is not 0 or the step after that of the last call, or lies at the end of the formula or after.
+            UsageError: t is not 0 or the step after that of the last call.
         """
-        last = self.task.file.steps - 1
-        if t not in (0, self._next) or t > last:
-            raise UsageError(f"t is {t}; expected is 0, or {self._next}, the next step of the episode, at most {last}")
+        if t not in (0, self._next):
+            raise UsageError(f"t is {t}; expected is 0, or {self._next}, the next step of the episode")
         seen, sample = self._read(observation, info or {})
         if t == 0:
             self._memory = self._method.initial_memory(sample, np.array([0]))
-        else:
+        elif t < self.task.file.steps:
             both = np.stack([self._sample, sample])
             _, self._memory = pay(self._method, both, self._vector, np.array([t - 1]), self._memory)
         self._sample, self._next = sample, t + 1
         if t % self.task.file.hold == 0:
-            self._vector = self._decide(seen, sample, np.array([t]))
+            self._vector = self._decide(seen, sample, np.array([min(t, self.task.file.steps - self.task.file.hold)]))
         if isinstance(self.task.dynamics, GymTask):
             return as_action(self.task.source.action_space, self._vector[0])
         return self._vector[0].copy()
