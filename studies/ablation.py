@@ -34,7 +34,7 @@ PARTS = {
     "hold": "held actions",
 }
 """Of a recipe: what `task[without=PART]` leaves out, in words."""
-DERIVED = ("features", "rewarded", "cuts", "ends", "near", "exploring")
+DERIVED = ("features", "rewarded", "cuts", "near", "exploring")
 """What it leaves out on the track `auto`."""
 
 

@@ -24,8 +24,8 @@ from stlbench.registry.folders import task_of
 from stlbench.report import condense, only
 from stlbench.rollout.standards import differences
 from stlbench.study.cell import Cell
-from stlbench.study.plugin_guard import ask
 from stlbench.study.live_cells import duration
+from stlbench.study.plugin_guard import ask
 from stlbench.study.progress import Progress, Tally
 from stlbench.study.run import build_executor, missing_cells, run_cells, run_missing
 from stlbench.study.solve import parse_settings, plan_alignment

@@ -14,8 +14,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
-from stlbench.report.tables.answer import answer_table, verdicts
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
+from stlbench.report.tables.answer import answer_table, verdicts
 from stlbench.report.tables.cells import cells_table, circumstances, time_table, unfinished_table
 from stlbench.report.tables.comparisons import Comparison, advice, compare, comparisons_table
 from stlbench.report.tables.controllers import Known, best_known, controllers_table
@@ -175,9 +175,9 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
     """Write every table into `folder`, and every figure that has changed; the paths of all files.
 
     report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone. There are no
-    files of the overview of one task, of aggregates below three, of groups without drawn tasks, and of alignment without a plan. figures/ has
-    a few figures of each task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
-    Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
+    files of the overview of one task, of aggregates below three, of groups without drawn tasks, and of alignment
+    without a plan. figures/ has a few figures of each task. Figures and LaTeX fit the `width`. `load` loads a task, for
+    the units of its axes. Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
     """
     from stlbench.report.figures.files import write_figures
 

@@ -134,7 +134,7 @@ class Results:
     def table(self) -> pd.DataFrame:
         """One row per method on a task: the table that `stlbench run` prints.
 
-        `learned count` seeds learned the task, of `learned seeds` that ran. `robustness` is that of the median seed.
+        `learned number` seeds learned the task, of `learned seeds` that ran. `robustness` is that of the median seed.
         """
         from stlbench.report.tables.answer import answer_table
 

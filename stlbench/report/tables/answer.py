@@ -42,9 +42,7 @@ def answer_table(groups: Sequence[Group], known: Known, most: int = MOST_ROWS) -
         Column("budget", right=False, shared=True): lambda group: "unknown" if group.outside else group.setting.budget,
         Column("track", right=False, shared=True): lambda group: group.setting.track,
         Column("learned", kind=Share): (
-            lambda group: Share(
-                sum(group.values("learned")), group.tried if group.done else 0, group.seeds.unfinished
-            )
+            lambda group: Share(sum(group.values("learned")), group.tried if group.done else 0, group.seeds.unfinished)
         ),
         Column("robustness", digits=3): lambda group: _robustness(group, median),
         Column("95 % interval", digits=3, kind=Interval, drop=1): lambda group: _robustness(group, median_interval),
@@ -123,4 +121,3 @@ def _said(found: Sequence[Comparison]) -> str:
 
 
 _DECIDED = ("better", "worse", "mixed")
-

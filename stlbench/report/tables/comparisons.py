@@ -90,8 +90,8 @@ def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
         "Decided by: the respects in which the two are that far apart.",
         f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best known "
         "robustness, or of that by hand. Cannot tell: with the seeds needed of each method a verdict would come out in "
-        f"80 % of cases, if all is as it looks; {MOST_SEEDS + 1} are more than {MOST_SEEDS}. =: both pay the same up to "
-        "a constant.",
+        f"80 % of cases, if all is as it looks; {MOST_SEEDS + 1} stands for more than {MOST_SEEDS}. =: both pay the "
+        "same up to a constant.",
         *(["Mixed: the two differ, and the respects that decide disagree on which is better."] if mixed else []),
     )
     return Table.of(

@@ -31,7 +31,7 @@ class Seeds(NamedTuple):
 class Share(NamedTuple):
     """Seeds that learned, of those that ran."""
 
-    count: int
+    number: int
     seeds: int
     others: str | None = None  # how those without a result ended: "1 timeout"
 
@@ -58,7 +58,8 @@ class Learned(NamedTuple):
 
 
 Plain = float | int | str | None  # what CSV and JSON have
-Compound = Interval | Seeds | Share | FirstFailed | Learned  # shown as one, and in CSV and JSON one column for each part
+Compound = Interval | Seeds | Share | FirstFailed | Learned
+"""Shown as one, and in CSV and JSON one column for each part."""
 Value = Plain | Compound
 _T = TypeVar("_T")
 
@@ -161,8 +162,8 @@ def show(value: Value, digits: int | None = None) -> str:
             return f"[{decimal(low, digits)}, {decimal(high, digits)}]"
         case Seeds(done, planned, unfinished):
             return f"{done} of {planned}, {unfinished}" if unfinished else f"{done} of {planned}"
-        case Share(count, seeds, others):
-            return ", ".join([*([f"{count} of {seeds}"] if seeds else []), *([others] if others else [])]) or NOTHING
+        case Share(number, seeds, others):
+            return ", ".join([*([f"{number} of {seeds}"] if seeds else []), *([others] if others else [])]) or NOTHING
         case FirstFailed(formula, starts, violating):
             return f"{formula} ({decimal(100 * starts / violating, 0)} % of {violating} violating starts)"
         case Learned(robustness, low, high, learned, final, seeds, mark):

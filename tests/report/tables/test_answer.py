@@ -31,10 +31,10 @@ RESULTS = [
 
 def test_a_row_for_each_method_on_each_task() -> None:
     flag, funnel, _, none = to_records(answer_table(condense(RESULTS), KNOWN))
-    assert (flag["method"], flag["learned count"], flag["learned seeds"], flag["robustness"]) == ("flag", 3, 5, 0.11)
+    assert (flag["method"], flag["learned number"], flag["learned seeds"], flag["robustness"]) == ("flag", 3, 5, 0.11)
     assert (flag["95 % interval low"], flag["95 % interval high"]) == (-0.13, 0.14)
-    assert (funnel["learned count"], funnel["best known"]) == (5, 0.4)
-    assert (none["learned count"], none["learned others"], none["robustness"]) == (0, "1 intractable", None)
+    assert (funnel["learned number"], funnel["best known"]) == (5, 0.4)
+    assert (none["learned number"], none["learned others"], none["robustness"]) == (0, "1 intractable", None)
     assert none["remarks"] == "intractable: too many"
 
 
