@@ -37,7 +37,8 @@ _GLANCE = 8  # starts from which a checkpoint is scored during a training
 _PATIENCE = 1
 """Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
 _PROMISING = 0.5
-"""A method whose best and last policies satisfy from such a share of starts learns: the race ends, and it trains on."""
+"""A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
+race ends, and it trains on."""
 _ENOUGH = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
 _LONGER = 4
@@ -136,12 +137,12 @@ class Trainer:
         known = self.posed.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if known is None else len(known)]
         rung = 1
-        while len(racing) > 1 and not _is_promising(best) and self._left:
+        while len(racing) > 1 and not self._is_promising(best) and self._left:
             names = ", ".join(
                 each.method if each.agent == racing[0].agent else f"{each.method} with {each.agent}" for each in racing
             )
             self.say(f"race, rung {rung}: {names}; {_score(best)}")
-            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], _is_promising)
+            ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], self._is_promising)
             best = max(ranked[0], best, key=rank)
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best
@@ -203,6 +204,15 @@ class Trainer:
             patience=patience,
         )
 
+    def _is_promising(self, result: Result) -> bool:
+        """Not so where the best policy was one moment of an unstable training, or hardly better than a baseline."""
+        if result.measurement is None:
+            return False
+        stated = self.posed.task.file.baselines
+        idle = max(each.satisfied for each in (stated.zero, stated.constant, stated.random)) if stated else 0.0
+        share = min(rank(result)[0], result.measurement.curve[-1].satisfaction)
+        return _satisfies(result) or share >= idle + _PROMISING * (1 - idle)
+
     @property
     def _at_once(self) -> int:
         """Trainings that the executor runs at a time."""
@@ -234,14 +244,6 @@ class Trainer:
 
 def _satisfies(result: Result) -> bool:
     return rank(result)[0] == 1
-
-
-def _is_promising(result: Result) -> bool:
-    """Not so where the best policy was one moment of an unstable training."""
-    if result.measurement is None:
-        return False
-    last = result.measurement.curve[-1].satisfaction
-    return _satisfies(result) or min(rank(result)[0], last) >= _PROMISING
 
 
 def _score(result: Result) -> str:
