@@ -108,7 +108,10 @@ def test_built_in_plugins_are_named() -> None:
             assert f"`{name}`" in text or plugin.distribution != plugins.OWN
 
 
-@pytest.mark.parametrize(("page", "least"), [("howto/environment.md", 15), ("explanation/robustness.md", 8)])
+@pytest.mark.parametrize(
+    ("page", "least"),
+    [("howto/environment.md", 15), ("howto/monitor.md", 6), ("explanation/robustness.md", 8)],
+)
 def test_the_examples_of_a_page(page: str, least: int) -> None:
     result = doctest.testfile(str(DOCS / page), module_relative=False)
     assert result.attempted >= least

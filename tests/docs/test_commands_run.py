@@ -46,6 +46,7 @@ GIVEN: dict[str, Sequence[Callable[[Path], None]]] = {
     "docs/howto/cluster.md": [given.reference],
     "docs/howto/environment.md": [partial(given.titled, "howto/environment.md")],
     "docs/howto/failure.md": [given.policies, given.machines],
+    "docs/howto/monitor.md": [partial(given.titled, "howto/monitor.md")],
     "docs/howto/policies.md": [given.policies, partial(given.titled, "howto/environment.md")],
     "docs/howto/python.md": [given.file_of_study],
     "docs/howto/share.md": [given.reference, partial(given.bundles, theirs="other")],

@@ -8,9 +8,11 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -124,9 +126,17 @@ def test_each_page_of_explanation_answers_the_question_that_is_its_title() -> No
     sections = {title: pages for entry in yaml.safe_load(nav) for title, pages in entry.items()}
     titles = [title for page in sections["Explanation"] for title in page]
     assert [title for title in titles if not title.startswith(("What", "How", "Why"))] == []
-    pages = [page for section in sections.values() for page in (section if isinstance(section, list) else [])]
-    paths = [path for page in pages for path in page.values()]
+    paths = [*paths_in(list(sections.values()))]
     assert len(paths) == len(set(paths))
+
+
+def paths_in(entries: list[Any]) -> Iterator[str]:
+    """The pages of a part of the navigation, whatever groups it has."""
+    for entry in entries:
+        if isinstance(entry, str):
+            yield entry
+        else:
+            yield from paths_in(entry if isinstance(entry, list) else list(entry.values()))
 
 
 def test_there_is_not_more_to_read_than_a_reader_can_be_asked_to() -> None:

@@ -14,7 +14,7 @@ from helpers.reader import ROOT, stlbench
 from stlbench.records import stored
 from stlbench.task import load_task
 
-TITLED = re.compile(r'^```(?:yaml|python) title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+TITLED = re.compile(r'^```(?:yaml|python|csv) title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 STUDY = "tasks: ./cart-reach\nmethods: funnel\nseeds: 1\nbudget: smoke\n"
 CONTROLLERS = "import numpy as np\ndef energy(state, t): return np.zeros((len(state), 1))\n"
 FIRST = ("--tasks", "hold-disc,reach-stay,robot-nav", "--methods", "funnel,funnel[variant=code],flag,raw")
