@@ -75,6 +75,8 @@ def _what_would_run(study: Study) -> str:
     for result in before:
         tally.add(result)
     jobs = build_executor(study.executor, study.jobs, study.memory).jobs
+    if not missing:
+        return f"nothing would run: all {len(study.cells())} cells have a result"
     first = f"{len(missing)} of {len(study.cells())} cells would run, {jobs} at a time"
     seconds = tally.expected() / jobs
     return f"{first}, for about {duration(seconds)}" if seconds else f"{first}; nobody knows for how long"

@@ -68,6 +68,8 @@ def _parsed(text: str, allowed: re.Pattern[str], signs: str) -> Choice:
     if not NAME.fullmatch(name.strip()):
         plain = re.sub(r"[_\s]", "-", name.strip().lower())
         hint = f"; did you mean '{plain}'?" if NAME.fullmatch(plain) else ", as in funnel or tau-mdp"
+        if all(map(NAME.fullmatch, parts := name.split())) and len(parts) > 1:
+            hint = f"; several stand in a list with commas: {','.join(parts)}"
         if re.search("[<>()]", text):
             hint = "; a formula stands in a task's file, with intervals in square brackets, as in G[0,1]"
         raise UsageError(f"'{text.strip()}': a name consists of a-z, 0-9 and -{hint}")

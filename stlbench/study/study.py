@@ -187,7 +187,8 @@ def _meant(name: str) -> str:
     plain = name.lower().replace("_", "-")
     for kind in ("tasks", "methods", "agents"):
         if plain.partition("[")[0] in plugins.available(kind):
-            return f"; a study is a YAML file; did you mean `--{kind} {plain}`?"
+            several = "several stand in a list with commas, without spaces"
+            return f"; a study is a YAML file; did you mean `--{kind} {plain}`? {several}"
     return ""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from helpers.refusals import refused
 
 
@@ -78,3 +80,9 @@ def test_bad_input_is_one_line_and_2(say, toy):
         (("./funnel", "--kind", "method"), "./funnel: only a task can be a folder"),
     ):
         assert refused(say("check", *words)).startswith(f"error: {said}")
+
+
+def test_a_folder_of_that_name_is_hinted_at(say, toy):
+    Path("zz-mine").mkdir()
+    (error,) = say("check", "zz-mine").stderr.splitlines()
+    assert error == "error: no plugin 'zz-mine'; the folder of that name is meant by ./zz-mine"

@@ -231,7 +231,7 @@ def test_a_dry_run_says_what_would_run_and_writes_nothing(run, say):
     assert not Path("results").exists()
     run("toy-raw")
     before = {path: path.stat().st_mtime_ns for path in Path("results").rglob("*")}
-    assert run("toy-raw", "--dry-run").stdout.startswith("0 of 2 cells would run, 1 at a time")
+    assert run("toy-raw", "--dry-run").stdout == "nothing would run: all 2 cells have a result\n"
     more = run("toy-raw", "--seeds", "6", "--dry-run").stdout
     assert re.fullmatch(r"4 of 6 cells would run, 1 at a time, for about .+\n", more)
     assert {path: path.stat().st_mtime_ns for path in Path("results").rglob("*")} == before

@@ -68,6 +68,7 @@ def test_what_is_printed_parses_to_the_same(choices):
         ("funnel[a=../x]", "got '../x'"),
         ("funnel[a=1,a=2]", "a is given twice"),
         ("Funnel", "a name consists of"),
+        ("reach-stay overlap", "several stand in a list with commas: reach-stay,overlap"),
         ("../etc", "a name consists of"),
         ("G(0,1) x>=0", "a formula stands in a task's file, with intervals in square brackets, as in G[0,1]"),
         ("G[0,1] x>=0", "a formula stands in a task's file"),

@@ -97,7 +97,8 @@ def test_a_file_that_is_no_study(tmp_path, text, message):
 
 
 NOT_THERE = "cannot read the study {}: No such file or directory"
-NO_FILE = f"{NOT_THERE}; a study is a YAML file; did you mean `{{}}`?"
+LIST = "several stand in a list with commas, without spaces"
+NO_FILE = f"{NOT_THERE}; a study is a YAML file; did you mean `{{}}`? {LIST}"
 
 
 @pytest.mark.parametrize(
