@@ -119,9 +119,9 @@ def _of_environment(problem: Problem) -> dict[str, Any]:
     content = sketch(problem.environment, problem.keywords)
     entries = {name: (ends["low"], ends["high"]) for name, ends in content["signals"].items()}
     texts = {name: _expression(name, text, content["environment"]["names"]) for name, text in problem.signals.items()}
-    if not {*_names(texts), *stl.signals(_parsed(problem.formula))} <= {*texts, *entries}:
-        entries |= info_ends(problem.environment, problem.keywords)
     dt = content["sampling_time"] if problem.time == "seconds" else None
+    if not {*_names(texts), *stl.signals(_parsed(problem.formula, dt))} <= {*texts, *entries}:
+        entries |= info_ends(problem.environment, problem.keywords)
     formula = _formula(problem.formula, dt, {*texts, *entries})
     _check_horizon(formula, content["steps"], problem.environment)
     horizon = content["steps"] if unbounded(formula) is not None else max(1, stl.horizon(formula))

@@ -69,7 +69,7 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None) -> dict[s
         | {"names": names}
         | ({"scale": scale} if scale else {}),
         "formula": f"G[0,{steps}] {distance} <= {(high - low) / 4:g}",
-        "sampling_time": round(_seconds(env), 6),
+        "sampling_time": round(_seconds(env), 12),
         "steps": steps,
         "signals": {name: {"low": low, "high": high} for name, (low, high) in ends.items()},
         "budgets": {

@@ -14,7 +14,7 @@ from solver.conftest import FORMULA, POINT
 
 from stlbench.errors import UsageError
 from stlbench.solver.posed import pose
-from stlbench.solver.problem import Problem
+from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
 
 
@@ -85,3 +85,15 @@ def test_what_is_trivial_or_impossible_is_told() -> None:
     impossible = pose(Problem("Pendulum-v1", "F[0,5] omega >= 9"), Path("other"))
     assert impossible.notes[0] == "impossible: 'omega >= 9' holds nowhere within the ranges of the signals"
     assert "no witness was found" in str(impossible.search(60))
+
+
+@pytest.mark.parametrize(
+    ("environment", "formula", "steps"),
+    [
+        ("Pendulum-v1", "F[0,0.5] x >= 0.9", "F[0,10] x >= 0.9"),
+        ("MountainCar-v0", "F[0,2] position >= 0", "F[0,60] position >= 0"),  # 30 steps a second
+        ("MountainCar-v0", "F[0.1,0.5] position >= 0", "F[3,15] position >= 0"),
+    ],
+)
+def test_seconds_may_be_fractions_and_a_rate_may_be_no_round_number(environment: str, formula: str, steps: str) -> None:
+    assert content_of(Problem(environment, formula, time="seconds"))["formula"] == steps
