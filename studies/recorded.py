@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from stlbench.records.result import LEARNED
+from stlbench.statistics.differences import Difference
 from stlbench.task import load_task
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -51,8 +52,7 @@ class Seeds:
 
 def verdict(row: Row) -> str:
     """Of a row of comparisons: "better"; "cannot tell, 14 seeds would"."""
-    needed = row["seeds needed"]
-    return row["verdict"] + (f", {'over 1000' if needed == '1001' else needed} seeds would" if needed else "")
+    return str(Difference(row["verdict"], seeds=int(row["seeds needed"]) if row["seeds needed"] else None))
 
 
 def table(folder: str, name: str) -> list[Row]:

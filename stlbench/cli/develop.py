@@ -227,10 +227,10 @@ def _plugin_of(name: str, kind: Kind | None) -> Plugin:
 
 
 def _nearest(name: str) -> str:
-    kinds = {each: kind for kind in plugins.KINDS for each in plugins.available(kind)}
-    close = get_close_matches(name, kinds, n=1, cutoff=0.5)
     if Path(name).is_dir():
         raise UsageError(f"no plugin '{name}'; the folder of that name is meant by ./{name}")
+    kinds = {each: kind for kind in plugins.KINDS for each in plugins.available(kind)}
+    close = get_close_matches(name, kinds, n=1, cutoff=0.5)
     if not close:
         raise UsageError(f"no plugin '{name}'; `stlbench list methods` and its like say what there is")
     return kinds[close[0]]

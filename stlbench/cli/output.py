@@ -8,7 +8,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from contextlib import ExitStack, redirect_stdout, suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,7 +74,12 @@ def show(as_json: bool, facts: Any, text: Iterable[str | Table]) -> None:
     """
     if as_json:
         print_json(facts)
-        return
+    else:
+        say(text)
+
+
+def say(text: Iterable[str | Table], *, explain: bool = True, explained: Container[Table] = ()) -> None:
+    """Print lines and tables in their order, with the notes of all tables to `explain`, else of those `explained`."""
     from stlbench.report import to_screen
 
     out = console()
@@ -82,7 +87,7 @@ def show(as_json: bool, facts: Any, text: Iterable[str | Table]) -> None:
         if isinstance(part, str):
             typer.echo(part)
         else:
-            to_screen(part, out)
+            to_screen(part, out, explain=explain or part in explained)
 
 
 def table(title: str, rows: Sequence[Mapping[str, Any]], *notes: str) -> Table:

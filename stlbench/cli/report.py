@@ -12,12 +12,12 @@ import typer
 
 from stlbench.cli.common import warn
 from stlbench.cli.options import Explain, Fitting, TaskFolders
-from stlbench.cli.output import Json, console, print_json
+from stlbench.cli.output import Json, print_json, say
 from stlbench.errors import DiskFull, UsageError
 from stlbench.records import stored
 from stlbench.records.status import NOT_RUN
 from stlbench.registry import plugins
-from stlbench.report import Group, Report, Width, condense, to_records, to_screen, write
+from stlbench.report import Group, Report, Width, condense, to_records, write
 from stlbench.report.page import require, write_page
 from stlbench.rollout.standards import Standard, standards
 from stlbench.share.rescored import bundles_table, read_bundles
@@ -46,10 +46,10 @@ def report(
 
     Covers all cells that are recorded in DIR, prints what was learned and rewrites the files. Without the right to
     write in DIR, it warns and prints alone. --width column makes figures and LaTeX for one column of a paper.
-    --explain prints all tables, with their notes. --json prints an object with the lists robustness, comparisons,
-    aggregates, groups, differences, improvement, controllers, alignment, time and cells. --html writes one file in
-    place of all that: tables to sort and filter, figures, and every cell, for any browser, without a network. It needs
-    the extra `page`. Prints its path; with --json an object with path and bytes.
+    --explain prints all tables, with their notes. --json prints an object with the lists overview, robustness,
+    comparisons, aggregates, groups, differences, improvement, controllers, alignment, time and cells. --html writes one
+    file in place of all that: tables to sort and filter, figures, and every cell, for any browser, without a network.
+    It needs the extra `page`. Prints its path; with --json an object with path and bytes.
 
     Several bundles stand in the same tables, methods with the name of their bundle; a bundle that `stlbench verify`
     finds damaged is left out. Nothing is written but a page. --rescore lets each selected policy act again. Exit code 1
@@ -102,11 +102,7 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
     elif as_json:
         _print_json(content)
     else:
-        for each in content.summary if explain else content.answer:
-            if isinstance(each, str):
-                typer.echo(each)
-            else:
-                to_screen(each, console(), explain=explain or each in content.first)
+        say(content.summary if explain else content.answer, explain=explain, explained=content.first)
     if not all(bundle.is_fine for bundle in bundles):
         raise typer.Exit(1)
 
@@ -125,12 +121,8 @@ def show_report(
     """
     content = Report(groups, standards_of(groups))
     part = content if shown is None or list(shown) == list(groups) else Report(shown, content.standards, groups)
-    is_written, out = _write(content, folder, width), console()
-    for each in part.summary if explain else part.answer:
-        if isinstance(each, str):
-            typer.echo(each)
-        else:
-            to_screen(each, out, explain=explain)
+    is_written = _write(content, folder, width)
+    say(part.summary if explain else part.answer, explain=explain)
     _warn_of_early_ends(part.groups)
     if is_written:
         typer.echo(f"All tables: {folder}/report.md; as .csv and .tex, and figures/, beside it.")

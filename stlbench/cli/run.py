@@ -70,14 +70,15 @@ def run(
 
 def _what_would_run(study: Study) -> str:
     """The cells that are missing, and how long they take if each takes as long as those of its setting did."""
-    missing, before = missing_cells(study)
+    cells = study.cells()  # planned once, as that takes long
+    missing, before = missing_cells(study, cells)
+    if not missing:
+        return f"nothing would run: all {len(cells)} cells have a result"
     tally = Tally([cell.id for cell in missing])
     for result in before:
         tally.add(result)
     jobs = build_executor(study.executor, study.jobs, study.memory).jobs
-    if not missing:
-        return f"nothing would run: all {len(study.cells())} cells have a result"
-    first = f"{len(missing)} of {len(study.cells())} cells would run, {jobs} at a time"
+    first = f"{len(missing)} of {len(cells)} cells would run, {jobs} at a time"
     seconds = tally.expected() / jobs
     return f"{first}, for about {duration(seconds)}" if seconds else f"{first}; nobody knows for how long"
 

@@ -64,12 +64,16 @@ class Difference:
     seeds: int | None = None
     """How many seeds of each method would decide, if the word is "cannot tell"; `MOST_SEEDS` + 1 if more would."""
 
-    def __str__(self) -> str:
-        """ "better"; "cannot tell, 14 seeds would". The words of tables and documentation."""
+    @property
+    def needed(self) -> str:
+        """ "14 seeds would"; empty where no number is known."""
         if self.seeds is None:
-            return self.word
-        count = f"over {MOST_SEEDS}" if self.seeds > MOST_SEEDS else str(self.seeds)
-        return f"{self.word}, {count} seeds would"
+            return ""
+        return f"{f'over {MOST_SEEDS}' if self.seeds > MOST_SEEDS else self.seeds} seeds would"
+
+    def __str__(self) -> str:
+        """ "better"; "cannot tell, 14 seeds would". The words of documentation."""
+        return f"{self.word}, {self.needed}" if self.needed else self.word
 
 
 def differences(pairs: Iterable[Pair]) -> list[Difference]:

@@ -152,12 +152,12 @@ def run_missing(
     return cells
 
 
-def missing_cells(study: Study) -> tuple[list[Cell], list[Result]]:
-    """The cells of a study that would run, and the results that its folder has. Nothing is written."""
+def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
+    """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
     recorded = [*stored.read(study.results)] if stored.locate(study.results) else []
     ended = [result for result in recorded if result.status not in study.retry]
     done = {result.id if study.keep_old else result.key for result in ended}
-    return [cell for cell in study.cells() if (cell.id if study.keep_old else cell.key) not in done], recorded
+    return [cell for cell in cells if (cell.id if study.keep_old else cell.key) not in done], recorded
 
 
 def run_cells(

@@ -55,7 +55,8 @@ def scale(psi: stl.Formula, box: Box) -> Scale:
 
 def violated(psi: stl.Formula, box: Box) -> bool:
     """Whether a formula without temporal operators is proven to hold nowhere in the box."""
-    return _sides(psi, tuple(box.items()))[0] == 0 < _sides(psi, tuple(box.items()))[1]
+    above, below = _sides(psi, tuple(box.items()))
+    return above == 0 < below
 
 
 def reach(expression: Expression, box: Box) -> float:

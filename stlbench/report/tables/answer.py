@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.comparisons import Comparison
 from stlbench.report.tables.controllers import Known
-from stlbench.report.tables.rows import Group
+from stlbench.report.tables.rows import CONTESTANT, Group
 from stlbench.report.tables.table import Column, Share, Table, Value
 from stlbench.statistics.differences import Difference, Word
-from stlbench.statistics.intervals import Interval, mean, median, median_interval
+from stlbench.statistics.intervals import Interval, mean, median_interval
 
 MOST_ROWS = 24
 """Of more results on several tasks the screen has a row for each method, not for each method on each task."""
@@ -18,7 +18,8 @@ _LINES = 10
 """Pairs of methods that have a line."""
 _NAMED = 3
 """Tasks that a line names."""
-_SAID = {
+_DECIDED = ("better", "worse", "mixed")
+_SAID: Mapping[Word, str] = {
     "better": "better on",
     "worse": "worse on",
     "mixed": "mixed on",
@@ -36,26 +37,19 @@ def answer_table(groups: Sequence[Group], known: Known, most: int = MOST_ROWS) -
     if len(groups) > most and len({group.setting.task for group in groups}) > 1:
         return _over_tasks(groups)
     columns: dict[Column, Callable[[Group], Value]] = {
-        Column("task", right=False, shared=True): lambda group: str(group.setting.task),
-        Column("method", right=False): lambda group: str(group.setting.method),
-        Column("agent", right=False, shared=True): lambda group: str(group.setting.agent),
-        Column("budget", right=False, shared=True): lambda group: "unknown" if group.outside else group.setting.budget,
-        Column("track", right=False, shared=True): lambda group: group.setting.track,
+        **CONTESTANT,
         Column("learned", kind=Share): (
             lambda group: Share(sum(group.values("learned")), group.tried if group.done else 0, group.seeds.unfinished)
         ),
-        Column("robustness", digits=3): lambda group: _robustness(group, median),
-        Column("95 % interval", digits=3, kind=Interval, drop=1): lambda group: _robustness(group, median_interval),
+        Column("robustness", digits=3): lambda group: group.median("robustness_mean"),
+        Column("95 % interval", digits=3, kind=Interval, drop=1): (
+            lambda group: median_interval(group.values("robustness_mean"))
+        ),
         Column("best known", digits=3, drop=2): lambda group: known.best.get(group.setting.task),
         Column("CPU", unit="s", digits=1): lambda group: None if group.outside else group.mean("cpu_seconds"),
         Column("remarks", right=False, below=True): lambda group: group.remarks or None,
     }
     return Table.of("Results", sorted(groups, key=lambda group: (group.setting.task, group.outside)), columns)
-
-
-def _robustness(group: Group, of: Callable[[Sequence[float]], Value]) -> Value:
-    values = group.values("robustness_mean")
-    return of(values) if values else None
 
 
 def _over_tasks(groups: Sequence[Group]) -> Table:
@@ -104,8 +98,7 @@ def _of_one(one: Choice, other: Choice, difference: Difference) -> str:
             return f"{one} and {other} differ, and the respects that decide disagree"
         case "no difference found":
             return f"no difference found between {one} and {other}"
-    _, _, seeds = str(difference).partition(", ")
-    return f"cannot tell {one} from {other}{seeds and f'; {seeds}'}"
+    return f"cannot tell {one} from {other}{difference.needed and f'; {difference.needed}'}"
 
 
 def _said(found: Sequence[Comparison]) -> str:
@@ -114,10 +107,8 @@ def _said(found: Sequence[Comparison]) -> str:
         by_word.setdefault(each.difference.word, []).append(str(each.one.setting.task))
     parts = []
     for word, said in _SAID.items():
-        if tasks := by_word.get(word):  # type: ignore[call-overload]
-            names = f" ({', '.join(dict.fromkeys(tasks))})" if len({*tasks}) <= _NAMED and word in _DECIDED else ""
-            parts.append(f"{said} {len(tasks)}{names}")
+        if tasks := by_word.get(word):
+            names = dict.fromkeys(tasks)
+            named = f" ({', '.join(names)})" if word in _DECIDED and len(names) <= _NAMED else ""
+            parts.append(f"{said} {len(tasks)}{named}")
     return ", ".join(parts)
-
-
-_DECIDED = ("better", "worse", "mixed")

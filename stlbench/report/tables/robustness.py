@@ -72,7 +72,7 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
         Column("mark", right=False): lambda group: marks[group.setting] or None,
         Column("starts", drop=8): _starts,
         Column("mean robustness", "mean", digits=3, drop=3): lambda group: group.mean("robustness_mean"),
-        Column("median robustness", "median", digits=3): lambda group: _median(group, "robustness_mean"),
+        Column("median robustness", "median", digits=3): lambda group: group.median("robustness_mean"),
         Column("median 95 % interval", digits=3, kind=Interval, drop=1): (
             lambda group: median_interval(group.values("robustness_mean"))
         ),
@@ -84,7 +84,7 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
             lambda group: _percent_interval(group, "learned")
         ),
         Column("share of best known (median, both above 0)", "of best", digits=2, drop=2): (
-            lambda group: known.share(group.setting.task, _median(group, "robustness_mean"))
+            lambda group: known.share(group.setting.task, group.median("robustness_mean"))
         ),
         **{
             Column(name, digits=3, drop=4): lambda group, name=name: mean(  # type: ignore[misc]
@@ -104,7 +104,7 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
 
 _FINAL: dict[Column, Callable[[Group], Value]] = {
     Column("final median robustness", "final median", digits=3, drop=6): (
-        lambda group: _median(group, "final_robustness_mean")
+        lambda group: group.median("final_robustness_mean")
     ),
     Column("final median 95 % interval", digits=3, kind=Interval, drop=7): (
         lambda group: median_interval(group.values("final_robustness_mean"))
@@ -129,11 +129,6 @@ def _starts(group: Group) -> Value:
     """The number of starts behind each number; if seeds differ, all these numbers."""
     counts = sorted({numbers.starts for numbers in group.done if numbers.starts is not None})
     return counts[0] if len(counts) == 1 else ", ".join(map(str, counts)) or None
-
-
-def _median(group: Group, name: str) -> float | None:
-    values = group.values(name)
-    return median(values) if values else None
 
 
 def _percent(shares: Sequence[float | None]) -> float | None:

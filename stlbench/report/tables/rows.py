@@ -16,7 +16,7 @@ from stlbench.records.rows import numbers
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.registry import plugins
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
-from stlbench.statistics.intervals import mean
+from stlbench.statistics.intervals import mean, median
 
 _T = TypeVar("_T")
 CurveRow = tuple[int, float, float]
@@ -94,6 +94,10 @@ class Group:
 
     def mean(self, name: str) -> float | None:
         return mean(self.values(name))
+
+    def median(self, name: str) -> float | None:
+        values = self.values(name)
+        return median(values) if values else None
 
     @property
     def tried(self) -> int:
@@ -199,15 +203,16 @@ def split(groups: Sequence[Group]) -> tuple[tuple[Group, ...], tuple[Group, ...]
     return learned, tuple(group for group in own if group.setting.agent.name in planners)
 
 
-SETTING: Mapping[Column, Callable[[Group], Value]] = {
+CONTESTANT: Mapping[Column, Callable[[Group], Value]] = {
     Column("task", right=False, shared=True): lambda group: str(group.setting.task),
     Column("method", right=False): lambda group: str(group.setting.method),
     Column("agent", right=False, shared=True): lambda group: str(group.setting.agent),
     Column("budget", right=False, shared=True): lambda group: "unknown" if group.outside else group.setting.budget,
     Column("track", right=False, shared=True): lambda group: group.setting.track,
-    Column("seeds", right=False, kind=Seeds): lambda group: group.seeds,
 }
 """The columns that say which group a row is of."""
+SETTING = {**CONTESTANT, Column("seeds", right=False, kind=Seeds): lambda group: group.seeds}
+"""These, and how many of its seeds have a result."""
 
 
 def shared_columns(group_of: Callable[[_T], Group]) -> dict[Column, Callable[[_T], Value]]:
