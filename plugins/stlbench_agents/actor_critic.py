@@ -92,14 +92,13 @@ def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into:
 
 @compiled
 def targets(
-    actor: Floats, critics: Floats, networks: Networks, batch: Batch, noise: Noise, bounds: tuple[float, float],
-    buffers: TD3Buffers,
+    actor: Floats, critics: Floats, networks: Networks, batch: Batch, noise: Noise, buffers: TD3Buffers
 ) -> None:  # fmt: skip
     """The return and, discounted, the lesser of the target critics at the noisy target action, in `buffers.goal`.
 
-    Kept within `bounds`, the rewards that were seen: without that, values of states never visited run away.
+    Kept within the bounds of the rewards that were seen: without that, values of states never visited run away.
     """
-    rows, axes, kind = len(batch.returns), batch.action.shape[1], critics.dtype.type
+    rows, axes = len(batch.returns), batch.action.shape[1]
     if len(buffers.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")
     _output(actor, networks.actor, batch.arrived, buffers.actor.forward_only, buffers.actor.transposed, buffers.output)
@@ -117,7 +116,7 @@ def targets(
             buffers.goal[i] = buffers.value[i] if which == 0 else min(buffers.goal[i], buffers.value[i])
     for i in range(rows):
         goal = batch.returns[i] + batch.discount[i] * buffers.goal[i]
-        buffers.goal[i] = min(kind(bounds[1]), max(kind(bounds[0]), goal))
+        buffers.goal[i] = min(batch.bounds[1], max(batch.bounds[0], goal))
 
 
 @compiled

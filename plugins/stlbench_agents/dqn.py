@@ -41,6 +41,9 @@ class DQN(DeepQ, LockStepAgent):
     in the paper"""
     averaging: ShareBelow1 = 0.999
     reward_scale: Positive = 4.0
+    bounded: bool = False
+    """targets are kept within the rewards that were seen, as a value is a weighted mean of rewards. Without it, values
+    of states far from all goals can grow without end"""
     time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
     """`bootstrap`: what would follow the time limit has the network's value. `terminal`: it is 0"""
 

@@ -131,7 +131,8 @@ def joint_gradient(
             value = _single(target, layers, later, i, buffers.chosen[i])
         else:
             value = buffers.outputs[i * layers[-1, 1] + _greedy(buffers.outputs, i * layers[-1, 1], network)]
-        buffers.goal[i] = batch.returns[i] + batch.discount[i] * value
+        goal = batch.returns[i] + batch.discount[i] * value
+        buffers.goal[i] = min(batch.bounds[1], max(batch.bounds[0], goal))
     x = flattened(batch.observation)
     hidden(online, layers, x, rows, passes.forward)
     _back_joint(online, layers, passes.forward[-1], batch.action, rows, buffers, into)
@@ -150,7 +151,8 @@ def additive_gradient(
         begin = i * layers[-1, 1]
         chosen = buffers.chosen[i] if double else _greedy(buffers.outputs, begin, network)
         value = _additive(buffers.outputs, begin, chosen, network.axes, buffers.ones)
-        buffers.goal[i] = batch.returns[i] + batch.discount[i] * value
+        goal = batch.returns[i] + batch.discount[i] * value
+        buffers.goal[i] = min(batch.bounds[1], max(batch.bounds[0], goal))
     x = flattened(batch.observation)
     hidden(online, layers, x, rows, passes.forward)
     _back_additive(online, network, passes.forward[-1], batch.action, rows, buffers, into)

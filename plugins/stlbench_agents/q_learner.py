@@ -151,6 +151,7 @@ class QLearner:
             recipe.gamma,
             recipe.reward_scale,
             recipe.time_limit == "terminal",
+            bounded=recipe.bounded,
         )
         self.schedule = Schedule(
             recipe.learning_rate,
@@ -211,8 +212,9 @@ def _update_joint(
 ) -> None:  # fmt: skip
     """For each row of `first` a step of Adam on the mean squared difference to the targets, and of both averages.
 
-    The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there). `count` updates
-    have been before. There is one such function for each head, since most recipes need, and compile, only one.
+    The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there), within the bounds
+    of the batch. `count` updates have been before. There is one such function for each head, since most recipes need,
+    and compile, only one.
     """
     for row in range(len(first)):
         gather(memory, first[row], copies, batch)

@@ -25,11 +25,12 @@ class Batch(NamedTuple):
     arrived: Single  # (B, D), what to bootstrap from
     discount: Single
     """(B,), the weight of the bootstrap value: gamma to the number of rewards in `returns`, 0 where nothing follows."""
+    bounds: Single  # (2,), as in `Memory`
 
     @staticmethod
     def of(rows: int, size: int, axes: int = 0) -> Batch:
         wide = (rows, size)
-        return Batch(zeros(wide), _actions(rows, axes), *(zeros(part) for part in (rows, wide, rows)))
+        return Batch(zeros(wide), _actions(rows, axes), *(zeros(part) for part in (rows, wide, rows, 2)))
 
 
 class Memory(NamedTuple):
@@ -41,6 +42,7 @@ class Memory(NamedTuple):
     reward: Single  # as `weighted_rewards` gives them
     after: NDArray[np.uint8]  # 0, `_STOP` or `_END`
     powers: Single  # (n + 1,), gamma^0 to gamma^n
+    bounds: Single  # (2,), the least and the greatest value that the rewards allow
 
 
 def _actions(rows: int, axes: int) -> NDArray[Any]:
@@ -74,9 +76,13 @@ class Replay:
         scale: float = 1.0,
         limit: bool = False,
         axes: int = 0,
+        bounded: bool = True,
     ) -> None:
-        """Args: `limit` whether nothing is bootstrapped at the time limit; `axes` of vectors, 0 for indices."""
+        """Args: `limit` whether nothing is bootstrapped at the time limit; `axes` of vectors, 0 for indices; `bounded`
+        whether values are. With gamma = 1 a value is a sum, and has no bounds."""
         count = rows * copies
+        nothing = 0.0 if limit else -np.inf  # the value beyond a limit bounds values too
+        bounds = (-nothing, nothing) if bounded and gamma < 1 else (-np.inf, np.inf)
         self.memory = Memory(
             np.zeros((count, size), np.float32),
             np.zeros((count, size), np.float32),
@@ -84,9 +90,10 @@ class Replay:
             np.zeros(count, np.float32),
             np.zeros(count, np.uint8),
             (gamma ** np.arange(n_steps + 1)).astype(np.float32),
+            np.array(bounds, np.float32),
         )
         self._rows, self._copies, self._n, self._limit, self._axes = rows, copies, n_steps, limit, axes
-        self._gamma, self._weight = gamma, scale * ((1 - gamma) or 1)
+        self._gamma, self._scale = gamma, scale
         self.count = 0
 
     def add(self, observation: Array, action: Integers | Array, transition: Transition) -> None:
@@ -95,10 +102,16 @@ class Replay:
         row, memory = slice(begin, begin + self._copies), self.memory
         memory.observation[row], memory.action[row] = observation, action
         memory.arrived[row] = transition.arrived
-        memory.reward[row] = weighted_rewards(transition, self._gamma, self._weight)
+        memory.reward[row] = weighted_rewards(transition, self._gamma, self._scale * ((1 - self._gamma) or 1))
+        self.widen(transition.reward)
         memory.after[row] = transition.cut
         memory.after[row][transition.event >= (Event.TIME_LIMIT if self._limit else Event.END)] = _END
         self.count += 1
+
+    def widen(self, reward: Array) -> None:
+        """Widen the bounds of values by rewards (N,): a value is a weighted mean of rewards."""
+        rewards, bounds = reward.tolist(), self.memory.bounds  # of few copies: faster than NumPy's minimum and maximum
+        bounds[0], bounds[1] = min(bounds[0], self._scale * min(rewards)), max(bounds[1], self._scale * max(rewards))
 
     @property
     def ready(self) -> bool:
@@ -128,6 +141,7 @@ def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
     axes = memory.action.size // len(reward)
     seen, arrived, acted = flattened(memory.observation), flattened(memory.arrived), flattened(memory.action)
     into_seen, into_arrived, into_acted = flattened(into.observation), flattened(into.arrived), flattened(into.action)
+    into.bounds[0], into.bounds[1] = memory.bounds[0], memory.bounds[1]
     for i in range(len(first)):
         begin = last = first[i]
         taken, total = 1, reward[begin]

@@ -58,8 +58,6 @@ class TD3Learner:
         self._noise = np.linspace(first, first if last is None else last, rounds)
         self._shares = np.linspace(0.25, 1.75, copies)[:, None]
         self._copies, self._done, self._count = copies, 0, 0
-        bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
-        self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
         self._batch = Batch.of(recipe.batch_size, inputs, axes)
         self._output_buffers = OutputBuffers.of(self.networks.actor, 1)
         self._buffers = TD3Buffers.of(self.networks, recipe.batch_size)
@@ -95,18 +93,10 @@ class TD3Learner:
     def learn(self, observation: Array, action: Array, transition: Transition) -> None:
         """Store the step; of the actions those that `act` has kept, in [-1, 1]."""
         self.replay.add(observation, self._action, transition)
-        self.note_rewards(transition.reward)
         if self._done > self.recipe.random_steps and self.replay.ready:
             first = self.replay.draw(self._generator, self.recipe.gradient_steps, self.recipe.batch_size)
             shape = (*first.shape, len(self.box.names))
             self.update(first, self._generator.standard_normal(shape, dtype=np.float32))
-
-    def note_rewards(self, reward: Array) -> None:
-        """Widen the bounds by rewards (N,). A value is a weighted mean of rewards, and so lies within them."""
-        rewards = reward.tolist()  # of few copies: faster than NumPy's minimum and maximum
-        scale = self.recipe.reward_scale
-        least, most = scale * min(rewards), scale * max(rewards)
-        self.bounds = min(self.bounds[0], least), max(self.bounds[1], most)
 
     def update(self, first: Integers, normal: Floats) -> None:
         """One update for each row of `first` (updates, B), from the transitions of the replay that begin there.
@@ -115,7 +105,7 @@ class TD3Learner:
         """
         self._update(
             self.actor, self.critics, self.networks, self.replay.memory, first, self._copies, normal, self.schedule,
-            self.bounds, self._count, self._batch, self._buffers,
+            self._count, self._batch, self._buffers,
         )  # fmt: skip
         self._count += len(first)
 
@@ -145,7 +135,7 @@ def _act(
 @compiled
 def _update(
     actor: Weights, critics: Weights, networks: Networks, memory: Memory, first: Integers, copies: int,
-    normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, buffers: TD3Buffers,
+    normal: Floats, schedule: Schedule, count: int, batch: Batch, buffers: TD3Buffers,
 ) -> None:  # fmt: skip
     """For each row of `first`, after `count` updates, a step for the critics, and every `delay` one for the actor."""
     for row in range(len(first)):
@@ -155,7 +145,7 @@ def _update(
         tau = schedule.tau if acts else 0.0
         gather(memory, first[row], copies, batch)
         noise = Noise(normal[row], schedule.spread, schedule.limit)
-        targets(actor.target, critics.target, networks, batch, noise, bounds, buffers)
+        targets(actor.target, critics.target, networks, batch, noise, buffers)
         critic_gradient(critics.online, networks, batch, buffers, critics.gradient)
         step(critics, rate, count, np.inf, tau, 0.0)
         if acts:

@@ -40,6 +40,7 @@ _DQN: Mapping[str, Any] = {
     "averaging": 0.9995,
     "exploration_final_eps": 0.02,
     "reward_scale": 10.0,
+    "bounded": True,
 }
 _TD3: Mapping[str, Any] = {
     **_SHARED,
@@ -61,6 +62,8 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 }
 """Parameters of agents, the same for every task; another agent trains with its defaults."""
 
+_REACH = 20
+"""Steps that a discount reaches over, at least. With 10, a pole on a cart was learned in 15 of 24 runs; now in 20."""
 _MOST = 0.98
 """Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
 
@@ -141,15 +144,16 @@ def _budget(name: str, budget: Budget, steps: int) -> Budget:
 def recipe(agent: str, task: Task) -> dict[str, Any]:
     """The agent's parameters; its defaults where there are no rules for it. A planner keeps the task's grid.
 
-    With G F p, the discount reaches over the longest window of F, of W decisions: it is at least 1 - 1 / (2.5 W). For
-    continuous actions it reaches over a quarter of the episode's D decisions, 1 - 4 / D, but is at most 0.98.
+    The discount reaches over 20 steps, 1 - hold / 20, at least. With G F p, it reaches over the longest window of F, of
+    W decisions: it is at least 1 - 1 / (2.5 W). For continuous actions it reaches over a quarter of the episode's D
+    decisions, 1 - 4 / D, but is at most 0.98.
     """
     parameters = dict(RECIPES.get(agent, {}))
     if (grid := task.recipe(agent).get("grid")) is not None:
         parameters["grid"] = grid
     if "gamma" in parameters:
         again = max((node.b for node in recurring(task.file.followed)), default=0) / task.file.hold
-        reaches = [parameters["gamma"], 1 - 1 / max(1.0, 2.5 * again)]
+        reaches = [parameters["gamma"], 1 - task.file.hold / _REACH, 1 - 1 / max(1.0, 2.5 * again)]
         if isinstance(task.actions, ActionBox):
             reaches.append(min(_MOST, 1 - 4 * task.file.hold / task.file.steps))
         parameters["gamma"] = round(max(reaches), 4)

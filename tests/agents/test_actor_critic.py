@@ -18,7 +18,6 @@ from stlbench_agents.replay import Batch
 
 Floats = NDArray[Any]
 INPUTS, ROWS = 3, 40
-WIDE = (-100.0, 100.0)
 ARCHITECTURES = [(9,), (12, 7), (6, 14, 10), (40, 72)]
 """Widths that grow and that shrink, none equal to another; the last wider than the processor's vectors."""
 
@@ -49,6 +48,7 @@ def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: in
         normal(ROWS),
         normal(ROWS, INPUTS),
         generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=ROWS),
+        np.array([-np.inf, np.inf], dtype),
     )
     work = TD3Buffers.of(networks, ROWS, dtype)
     for part in (*work.actor[:-1], *work.critic[:-1], *work[2:]):
@@ -103,7 +103,7 @@ class TestAgainstAutograd:
 
     def test_the_targets(self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float) -> None:
         of = case(net_arch, axes, dtype)
-        targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, of.work)
+        targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), of.work)
         arrived, critics = torch.from_numpy(of.batch.arrived), torch.from_numpy(of.critics)
         shift = torch.from_numpy(0.5 * of.normal).clamp(-0.6, 0.6)
         action = (torch.tanh(perceptron(torch.from_numpy(of.actor), of.networks.actor, arrived)) + shift).clamp(-1, 1)
@@ -119,7 +119,7 @@ def test_nothing_but_the_gradient_is_written() -> None:
     of.work.goal[:] = 0
     critic_gradient(of.critics, of.networks, of.batch, of.work, np.empty_like(of.critics))
     actor_gradient(of.actor, of.critics, of.networks, of.batch, 0.1, of.work, np.empty_like(of.actor))
-    targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, of.work)
+    targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), of.work)
     assert [part.tobytes() for part in read] == before
 
 
@@ -127,4 +127,4 @@ def test_a_workspace_of_another_batch_is_refused() -> None:
     of = case((12, 7), 2)
     work = TD3Buffers.of(of.networks, ROWS + 1, np.float64)
     with pytest.raises(ValueError, match="made for a batch of another size"):
-        targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, work)
+        targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), work)

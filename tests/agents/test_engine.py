@@ -94,10 +94,10 @@ def poisoned(network: Network, rows: int, dtype: Any) -> QBuffers:
     return work
 
 
-def computed(of: Case, work: QBuffers | None = None) -> Floats:
+def computed(of: Case, work: QBuffers | None = None, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Floats:
     """The gradient, written over NaN."""
     dtype, into = of.online.dtype, np.full_like(of.online, np.nan)
-    batch = Batch(of.observation, of.action, of.returns, of.arrived, of.discount)
+    batch = Batch(of.observation, of.action, of.returns, of.arrived, of.discount, np.array(bounds, dtype))
     gradient = additive_gradient if of.network.additive else joint_gradient
     work = work or poisoned(of.network, len(of.action), dtype)
     gradient(of.online, of.target, of.network, batch, of.double, work, into)
@@ -114,6 +114,16 @@ def furthest(ours: Floats, expected: Floats) -> float:
 
 
 class TestGradient:
+    @shapes
+    @doubles
+    def test_targets_lie_within_the_bounds_of_values(self, shape: plain_q.Shape, double: bool) -> None:
+        of = case(shape, double)
+        free, bounded = (poisoned(of.network, ROWS, np.float64) for _ in range(2))
+        computed(of, free)
+        low, high = np.quantile(free.goal, [0.2, 0.8])
+        computed(of, bounded, (low, high))
+        assert bounded.goal == pytest.approx(np.clip(free.goal, low, high))
+
     @shapes
     @doubles
     def test_against_autograd_in_double_precision(self, shape: plain_q.Shape, double: bool) -> None:

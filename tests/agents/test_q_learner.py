@@ -87,6 +87,16 @@ def test_what_follows_a_time_limit_is_the_recipes(time_limit: str) -> None:
     assert ours.replay.batch(np.arange(1)).discount[0] == (0.5 if time_limit == "bootstrap" else 0)
 
 
+@pytest.mark.parametrize(("bounded", "bounds"), [(True, [-4, 8]), (False, [-np.inf, np.inf])])
+def test_targets_are_bounded_by_the_rewards_where_the_recipe_says_so(bounded: bool, bounds: list[float]) -> None:
+    ours = learner(bounded=bounded, reward_scale=4.0)
+    for reward in (2.0, -1.0):
+        here = np.zeros((ROWS, INPUTS))
+        step = Transition(here, np.full(ROWS, reward), here, np.full(ROWS, Event.END, np.int8))
+        ours.replay.add(here, np.zeros(ROWS, np.int64), step)
+    assert ours.replay.memory.bounds.tolist() == bounds
+
+
 def test_many_updates_in_one_call_are_as_many_calls() -> None:
     recipe: dict[str, Any] = {"learning_rate": 0.01, "target_update_interval": 2, "tau": 0.5, "averaging": 0.75}
     together, apart = learner(**recipe), learner(**recipe)

@@ -158,6 +158,18 @@ def test_rewards_are_weighted_by_1_minus_gamma_where_that_is_not_0(gamma: float,
     assert batch.discount[0] == pytest.approx(gamma**3)
 
 
+@pytest.mark.parametrize(
+    ("gamma", "limit", "bounds"),
+    [(0.5, False, [2, 6]), (0.5, True, [0, 6]), (1.0, False, [-np.inf, np.inf])],
+)
+def test_values_are_bounded_by_the_rewards_that_were_seen(gamma: float, limit: bool, bounds: list[float]) -> None:
+    """By 1 and 3, times the scale; by 0 too where nothing follows a limit. With gamma = 1 a value is a sum."""
+    replay, here, nothing = Replay(9, 2, 1, 1, gamma, 2.0, limit), np.zeros((2, 1)), np.zeros(2, np.bool_)
+    for rewards in ([2.0, 3.0], [1.0, 1.5]):
+        replay.add(here, np.zeros(2, int), came(here, np.array(rewards), nothing))
+    assert replay.batch(np.arange(2)).bounds.tolist() == bounds
+
+
 def test_updates_of_one_lock_step_draw_different_rows() -> None:
     first = filled(8, rows=20, copies=2, n_steps=1, gamma=0.5).draw(np.random.default_rng(0), 3, 50)
     assert first.shape == (3, 50)

@@ -24,7 +24,7 @@ INPUTS = 3
 
 def learner(**parameters: Any) -> TD3Learner:
     made = new(batch_size=6, **parameters)
-    made.note_rewards(np.array([-100.0, 100.0]))
+    made.replay.widen(np.array([-100.0, 100.0]))
     for part in made.replay.memory[:4]:
         part[:] = np.random.default_rng(2).uniform(-1, 1, part.shape)
     return made
@@ -45,14 +45,16 @@ def goals(made: TD3Learner, batch: Batch, normal: Floats) -> list[float]:
     """The targets of a batch of transitions."""
     work = TD3Buffers.of(made.networks, len(batch.returns))
     noise = Noise(normal.astype(np.float32), made.schedule.spread, made.schedule.limit)
-    targets(made.actor.target, made.critics.target, made.networks, batch, noise, made.bounds, work)
+    batch = batch._replace(bounds=made.replay.memory.bounds)
+    targets(made.actor.target, made.critics.target, made.networks, batch, noise, work)
     return [float(goal) for goal in work.goal]
 
 
 def nothing(returns: list[float], discount: list[float]) -> Batch:
     rows = len(returns)
     states, actions = np.zeros((rows, INPUTS), np.float32), np.zeros((rows, 2), np.float32)
-    return Batch(states, actions, np.array(returns, np.float32), states, np.array(discount, np.float32))
+    bounds = np.array([-np.inf, np.inf], np.float32)
+    return Batch(states, actions, np.array(returns, np.float32), states, np.array(discount, np.float32), bounds)
 
 
 @pytest.mark.parametrize("constants", [(1.0, 2.0), (2.0, 1.0)])
@@ -77,14 +79,14 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
 
 def test_targets_lie_among_the_rewards_that_were_seen() -> None:
     made = new(reward_scale=2.0)
-    made.note_rewards(np.array([0.1, 0.2]))
-    made.note_rewards(np.array([-0.3, 0.0]))
+    made.replay.widen(np.array([0.1, 0.2]))
+    made.replay.widen(np.array([-0.3, 0.0]))
     assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx([-0.6, 0.4])
 
 
 def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
     made = new(gamma=1)
-    made.note_rewards(np.array([0.1, 0.2]))
+    made.replay.widen(np.array([0.1, 0.2]))
     assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == [-50, 50]
 
 
@@ -127,7 +129,7 @@ def test_weights_move_as_with_torchs_adam() -> None:
     for row in range(2):
         batch = made.replay.batch(first[row])
         noise = Noise(normal[row], made.schedule.spread, made.schedule.limit)
-        targets(made.actor.target, made.critics.target, made.networks, batch, noise, made.bounds, work)
+        targets(made.actor.target, made.critics.target, made.networks, batch, noise, work)
         critic_gradient(critics.detach().numpy(), made.networks, batch, work, into)
         critics.grad = torch.from_numpy(into.copy())
         rate = 0.01 * 0.1 ** (row / 99)
