@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import fmean, median
 
-import paired
 import recorded
 from recorded import Row, markdown
 
@@ -56,34 +55,6 @@ def methods(folder: str) -> str:
         body.append([f"`{row['method']}`", *_told(row), seconds, row["fits"].partition(" ")[0], everywhere])
     header = [f"{len(shared)} common tasks", "learned", "score", "CPU of a cell", "fits", "learned of these"]
     return markdown(header, body, right=5)
-
-
-def forms(folder: str) -> str:
-    """One row per template, for all tasks, and for all but `overlap`: how much higher a score is than that of `raw`."""
-    found = {(row["group"], row["method"], row["other"]): row for row in recorded.table(folder, "differences")}
-    others = [
-        row["method"] for row in recorded.table(folder, "groups") if row["by"] == "all" and row["method"] != "raw"
-    ]
-    body = []
-    for group in (*TEMPLATES, "all"):
-        own = [_higher(found, group, method) for method in others]
-        if any(own):
-            body.append([f"`{group}`" if group in TEMPLATES else group, *own])
-    runs = paired.runs(folder, but="overlap")
-    body.append(["all but `overlap`", *(paired.compared(runs, method, "raw").told for method in others)])
-    return markdown(["score less that of `raw`", *(f"`{method}`" for method in others)], body, right=len(others))
-
-
-def _higher(found: Mapping[tuple[str, str, str], Row], group: str, method: str) -> str:
-    """ "0.02 [0.01, 0.03]"; empty where no task fits both, without an interval where few do."""
-    sign, row = 1, found.get((group, method, "raw"))
-    if row is None:
-        sign, row = -1, found.get((group, "raw", method))
-    if row is None:
-        return ""
-    ends = [row[f"score 95 % interval {end}"] for end in ("low", "high")]
-    values = [row["higher score"], *ends[::sign]]
-    return _with_ends(*(each and recorded.number(str(sign * float(each)), 2) for each in values))
 
 
 def _told(row: Row) -> tuple[str, str]:

@@ -54,7 +54,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite": page_suite.drawn,
         "suite-schedules": page_schedules.table,
         "suite-core": lambda: page_suite.methods("suite-core"),
-        "suite-forms": lambda: page_suite.forms("suite-core"),
         "suite-corrected": paired.corrected,
         "suite-fresh": paired.stated,
         "suite-sources": suite_answers.components,

@@ -59,11 +59,11 @@ def compared(runs: Runs, one: str, other: str) -> Paired:
     return Paired([(own, runs[other][task]) for task, own in runs[one].items() if task in runs[other]])
 
 
-def runs(folder: str, column: str = "score", template: str | None = None, but: str | None = None) -> Runs:
-    """Of the finished cells of a folder: the score, or whether it `learned`; of one template, or of all but one."""
+def runs(folder: str, column: str = "score", template: str | None = None) -> Runs:
+    """Of the finished cells of a folder: the score, or whether it `learned`; of one template, or of all."""
     found = defaultdict[str, dict[str, list[float]]](dict)
     for row in recorded.table(folder, "cells"):
-        if row["status"] == "done" and template in (None, row["template"]) and row["template"] != but:
+        if row["status"] == "done" and template in (None, row["template"]):
             score = recorded.scored(row["task"], float(row["robustness_mean"]))
             value = score if column == "score" else float(float(row["satisfaction"]) >= LEARNED)
             found[row["method"]].setdefault(row["task"], []).append(value)

@@ -64,34 +64,6 @@ def test_methods_are_compared_on_common_tasks(page: ModuleType, monkeypatch: pyt
     ]
 
 
-def test_scores_are_less_those_of_raw_whichever_comes_first(page: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    def row(method: str, other: str, *numbers: str) -> dict[str, str]:
-        names = ("higher score", "score 95 % interval low", "score 95 % interval high")
-        return {"group": "tube", "method": method, "other": other} | dict(zip(names, numbers, strict=True))
-
-    tables = {
-        "differences": [row("flag", "raw", "-0.5", "-0.7", "-0.3"), row("raw", "sparse", "0.25", "", "")],
-        "groups": [{"by": "all", "method": method} for method in ("flag", "raw", "sparse")],
-    }
-    scores = {"raw": (0.1, 0.3), "flag": (-0.3, 0.3), "sparse": (0.3, 0.3)}
-    tables["cells"] = [
-        {"task": "t", "method": method, "template": template, "status": "done", "robustness_mean": value}
-        for method, values in scores.items()
-        for template, value in zip(("tube", "overlap"), values, strict=True)
-    ]
-    monkeypatch.setattr(page.recorded, "table", lambda _, name: tables[name])
-    monkeypatch.setattr(page.recorded, "scored", lambda _, robustness: robustness)
-    assert page.forms("any").splitlines()[2:] == [
-        "| `tube` | -0.50 [-0.70, -0.30] | -0.25 |",
-        "| all but `overlap` | -0.40 | 0.20 |",
-    ]
-    tables["differences"] = [row("raw", "flag", "0.5", "0.3", "0.7")]
-    assert page.forms("any").splitlines()[2:] == [
-        "| `tube` | -0.50 [-0.70, -0.30] |  |",
-        "| all but `overlap` | -0.40 | 0.20 |",
-    ]
-
-
 def test_one_policy_for_many_formulas_stands_beside_policies_for_each(
     page: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
