@@ -12,23 +12,19 @@ from stlbench.records.identity import CellId
 from stlbench.records.stored import LINES
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
-from stlbench.rollout.rewrites import scheduled
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import here
 from stlbench.study.tracks import read_recipes
-from stlbench.task import load_task
 
 RESULTS = Path(__file__).parents[2] / "results"
 RECIPES = {"survey": RESULTS / "survey-tuning" / "recipes.yaml"}
 SAMPLE = 2
 """Rows of each folder."""
-UNSCHEDULED = {"auto-field", "suite-budget", "suite-core", "suite-fresh", "suite-overlap", "suite-quick"}
-"""Folders of before schedules. Where a task has one today, their rows are of the task without it."""
-BEFORE = UNSCHEDULED - {"auto-field"} | {"suite-fresh-schedules"}
-"""Folders of before the track `auto` changed its rules for invariants, early ends and tubes. The keys of robots that
-can fall are as they were, but for tubes."""
-FALLING = ("suite-quadrotor-", "suite-cart-pendulum-")
-FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}"))
+EARLIER = {"suite-budget", "suite-core", "suite-fresh", "suite-fresh-schedules", "suite-overlap", "suite-quick"}
+"""Folders that were trained by earlier rules of the track `auto`. No program of today makes a row of them."""
+UNBOUNDED = {"auto": "formation", "auto-ablation": "", "auto-field": "", "auto-survey": ""}
+"""Folders with rows of before the values of `dqn` were bounded on that track: those of tasks with this beginning."""
+FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}") if path.parent.name not in EARLIER)
 
 
 def sample(folder: Path) -> list[dict[str, Any]]:
@@ -39,8 +35,8 @@ def sample(folder: Path) -> list[dict[str, Any]]:
     """
     rows = [json.loads(line) for line in (folder / LINES).read_text(encoding="utf-8").splitlines()]
     known = [row for row in rows if plugins.known("methods", row["method"].partition("[")[0])]
-    if folder.name in BEFORE:
-        known = [row for row in known if row["task"].startswith(FALLING) and "-tube-" not in row["task"]]
+    if (unbounded := UNBOUNDED.get(folder.name)) is not None:
+        known = [row for row in known if not (row["agent"].startswith("dqn") and row["task"].startswith(unbounded))]
     now = [row for row in known if "random" in (row.get("measurement") or {"selected": "random"})["selected"]]
     return now[:: max(1, len(now) // SAMPLE)]
 
@@ -54,16 +50,8 @@ def test_a_sample_has_the_keys_of_today(folder: Path) -> None:
     for row in rows:
         if any(row.get("provenance", {}).get(name, version) != version for name, version in versions.items()):
             pytest.skip("libraries have other versions, which are in the keys")
-        text = row["task"]
-        if folder.name in UNSCHEDULED and has_schedule(text):
-            text += "[without=schedule]"
-        names = map(parse_choice, (text, row["method"], row["agent"]))
+        names = map(parse_choice, (row["task"], row["method"], row["agent"]))
         cell = CellId(*names, row["seed"], row["budget"], row["track"])
         tuned = recipes if cell.track == "tuned" else None
         (now,) = plan_cells([cell.task], [cell.method], [cell.agent], [cell.seed], cell.budget, cell.track, tuned)
         assert now.key == row["key"], cell.name
-
-
-def has_schedule(task: str) -> bool:
-    """Whether training follows a schedule of the task's formula on the track `auto`."""
-    return scheduled(load_task(task)) is not None
