@@ -23,6 +23,7 @@ from stlbench.records import stored
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choices
 from stlbench.report import Column, Table, Value, condense
+from stlbench.rollout.haste import too_fast
 from stlbench.rollout.rewrites import alternatives
 from stlbench.schedules.derive import UnscheduledError
 from stlbench.schedules.regions import Regions
@@ -123,6 +124,7 @@ def _facts(
         "rewarded": str(given.formula),
         "nested": None if given.nested is None else str(given.nested),
         "schedule": str(schedule.formula) if isinstance(schedule, Specification) else schedule,
+        "warning": None if isinstance(task, Specification) else too_fast(task),
         "fit": fitting,
         "do_not_fit": refused,
     }
@@ -209,6 +211,8 @@ def _text(facts: Mapping[str, Any], known: bool) -> Iterator[str | Table]:
         yield f"as windows: {facts['nested']}"
     if facts["schedule"] is not None:
         yield f"schedule: {facts['schedule']}"
+    if facts["warning"] is not None:
+        yield facts["warning"]
     yield ""
     columns: dict[Column, Callable[[Mapping[str, Any]], Value]] = {
         Column("method", right=False): lambda row: row["method"],

@@ -158,7 +158,8 @@ def _timeline(schedule: dict[str, Any], steps: int) -> Table:
         rows.append({**window, "time": bar.ljust(_CELLS)})
     pace = f"{schedule['steps_per_unit']:.3g} steps for each unit of distance"
     note = f"The schedule implies the formula. Each way has at least {pace}. The referee scores the formula itself."
-    return table("Schedule: the windows that training follows", rows, note)
+    warning = [] if schedule["warning"] is None else [f"{schedule['warning']}."]
+    return table("Schedule: the windows that training follows", rows, note, *warning)
 
 
 def _equal(facts: dict[str, Any]) -> list[str]:

@@ -17,6 +17,7 @@ from stlbench.records.identity import Track
 from stlbench.records.result import Score
 from stlbench.registry import plugins
 from stlbench.rollout.baselines import Constants
+from stlbench.rollout.haste import too_fast
 from stlbench.rollout.observing import size_without
 from stlbench.rollout.questions import Question, answers
 from stlbench.rollout.rewrites import alternatives
@@ -90,7 +91,8 @@ def _schedule(task: Task) -> dict[str, Any] | str | None:
         }
         for term in found[0].terms
     ]
-    return {"steps_per_unit": found[0].pace, "alternatives": len(found), "windows": windows}
+    facts = {"steps_per_unit": found[0].pace, "alternatives": len(found), "windows": windows}
+    return facts | {"warning": too_fast(task)}
 
 
 def _dumped(parts: Mapping[str, BaseModel]) -> dict[str, dict[str, Any]]:

@@ -6,9 +6,11 @@ task file states them (`TaskFile.baselines`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import cycle, islice, product
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,9 @@ _TRIED, _TRIED_IN_WORLDS = 32, 16
 _STARTS = 16  # the most starts from which actions are compared
 _AROUND = (0.2, 0.05, 0.0125)
 """Standard deviations, over an axis' span, of the actions that are tried around the best, half as many each time."""
+
+_DIFFERENT = (1, 2, 4)
+"""Different actions in a held sequence, by turns; or each piece has its own."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,22 @@ def random_actions(actions: Actions, generator: np.random.Generator, count: int)
     if isinstance(actions, ActionGrid):
         return generator.integers(actions.size, size=count)
     return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
+
+
+def held_at_random(actions: Actions, generator: np.random.Generator, copies: int, pieces: int) -> Integers | Array:
+    """Sequences of random actions, some of which stay the same for several pieces or for all.
+
+    They are indices of the grid (copies, pieces), or vectors (copies, pieces, axes).
+    """
+
+    def sequences() -> Iterator[Integers | Array]:
+        for different in cycle((*_DIFFERENT, pieces)):
+            count = min(different, pieces)
+            yield random_actions(actions, generator, count)[np.arange(pieces) * count // pieces]
+
+    found: list[Any] = list(islice(sequences(), copies))
+    stacked: Integers | Array = np.stack(found)
+    return stacked
 
 
 def _best(task: Task, referee: Referee, starts: int) -> Array:

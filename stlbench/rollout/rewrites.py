@@ -43,7 +43,12 @@ def alternatives(task: Task) -> tuple[Schedule, ...]:
     Raises `UnscheduledError` where there is none, with the operator or the step and the reason.
     """
     file = task.file
-    return _alternatives(file.formula, _regions_of(file, initial_samples(task)), file.hold, file.steps)
+    return _alternatives(file.formula, regions(task), file.hold, file.steps)
+
+
+def regions(task: Task) -> Regions:
+    """Distances between conditions on a task, and from its starts."""
+    return _regions_of(task.file, initial_samples(task))
 
 
 @lru_cache(maxsize=256)

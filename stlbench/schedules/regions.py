@@ -63,6 +63,23 @@ class Regions:
         except stl.UndefinedError:  # it has no value somewhere within the ranges, as x / y
             return True
 
+    def _between(self, origin: Formula | None, target: Formula) -> list[int]:
+        """The columns of the signals that both read; of those of the target from the starts."""
+        columns = self._columns(target)
+        return columns if origin is None else [column for column in columns if column in self._columns(origin)]
+
+    def steps(self, origin: Formula | None, target: Formula, traces: Array) -> int | None:
+        """The fewest steps in which one of some traces (n, steps + 1, k) goes as far as from one condition to another.
+
+        None where none of them ever does. Samples after the end of an episode may be NaN.
+        """
+        far = self.distance(origin, target)
+        scaled = (traces / self._size)[..., self._between(origin, target)]
+        for steps in range(1, scaled.shape[1]):
+            if np.any(np.linalg.norm(scaled[:, steps:] - scaled[:, :-steps], axis=-1) >= far):
+                return steps
+        return None
+
     def _distance(self, origin: Formula | None, target: Formula) -> float:
         """How far it is from where one condition holds to where another does; from the starts, in the mean, for None.
 
@@ -70,9 +87,7 @@ class Regions:
         """
         there = self._points(target)
         here = self._initial if origin is None else self._points(origin)
-        columns = self._columns(target)
-        if origin is not None:
-            columns = [column for column in columns if column in self._columns(origin)]
+        columns = self._between(origin, target)
         if here is None or there is None or not columns:
             return 0.0
         if origin is None and (stl.margin(target, self._names)(here) >= 0).all():

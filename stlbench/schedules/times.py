@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from stlbench.contract import Array
+from stlbench.contract import Array, Integers
 from stlbench.schedules.plan import At, Event, Held, Plan
 from stlbench.schedules.regions import Regions
 
 MOST_NODES = 300
-"""Linear programmes that are solved for one plan."""
+"""Linear programmes that are solved for one plan. Where they do not suffice, as many again try to improve the order."""
 MOST_PACE = 1e4
 """Where nothing has a distance, so that no way limits the pace."""
 _TOLERANCE = 1e-6
@@ -44,6 +44,54 @@ class _Row:
     distance: float = 0.0
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """Rows as arrays (n,): x[earlier] + pace * distance <= x[later] + room.
+
+    In place of a number there is the variable -1, the last one, which is 0.
+    """
+
+    earlier: Integers
+    later: Integers
+    room: Array
+    distance: Array
+    soft: Array
+    """Whether a row has a gap or a distance: it may be broken to say by how much windows are too near."""
+
+    @classmethod
+    def of(cls, rows: Sequence[_Row]) -> _Rows:
+        ends = [[-1 if at.variable is None else at.variable for at in (row.earlier, row.later)] for row in rows]
+        columns = np.array(ends, dtype=np.int64).reshape(-1, 2)
+        room = [row.later.offset - row.earlier.offset - row.gap for row in rows]
+        distance = [row.distance for row in rows]
+        soft = [bool(row.gap or row.distance) for row in rows]
+        return cls(*columns.T, np.array(room, dtype=float), np.array(distance, dtype=float), np.array(soft, dtype=bool))
+
+    def left(self, values: Array, pace: float) -> Array:
+        """The steps that each row leaves free (n,); negative where it is broken."""
+        free: Array = self.room + values[self.later] - values[self.earlier] - pace * self.distance
+        return free
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Rows]) -> _Rows:
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Values of the variables (n + 1,), of which the last is 0 and stands in for numbers; and a pace."""
+
+    values: Array
+    pace: float
+
+    def at(self, step: At) -> float:
+        return step.offset + (0.0 if step.variable is None else float(self.values[step.variable]))
+
+    def middle(self, item: _Item) -> float:
+        return self.at(item.begin) + self.at(item.end)
+
+
 class Programme:
     """The linear programme of one plan.
 
@@ -57,14 +105,27 @@ class Programme:
         self.plan, self._regions, self._hold = plan, regions, hold
         self.nodes = 0
         self._items: tuple[_Item, ...] = (*plan.events, *plan.held)
-        self._pairs = [
-            (i, j)
-            for i, j in combinations(range(len(self._items)), 2)
-            if regions.exclusive(self._items[i].psi, self._items[j].psi)
-        ]
-        self._rows = [_Row(earlier, later) for earlier, later in plan.rows]
-        self._rows += [_Row(event.begin, event.end, hold) for event in plan.events]
-        self._rows += [row for item in self._items for row in self._arrival(item)]
+        rows = [_Row(earlier, later) for earlier, later in plan.rows]
+        rows += [_Row(event.begin, event.end, hold) for event in plan.events]
+        self._rows = _Rows.of([*rows, *(row for item in self._items for row in self._arrival(item))])
+
+    @cached_property
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Items that exclude each other."""
+        pairs = combinations(range(len(self._items)), 2)
+        return [(i, j) for i, j in pairs if self._regions.exclusive(self._items[i].psi, self._items[j].psi)]
+
+    @cached_property
+    def _ways(self) -> list[_Rows]:
+        """Of each pair both orders, one after the other: 2 k is the first item of pair k before the second."""
+        items = [(self._items[i], self._items[j]) for i, j in self._pairs]
+        return [_Rows.of(self._apart(*each)) for pair in items for each in (pair, pair[::-1])]
+
+    @cached_property
+    def _all_ways(self) -> tuple[_Rows, Integers]:
+        """The rows of all ways, and where those of each begin."""
+        counts = [len(way.room) for way in self._ways]
+        return _Rows.joined(self._ways), np.cumsum([0, *counts[:-1]])
 
     def _arrival(self, item: _Item) -> list[_Row]:
         """From the start to an item."""
@@ -86,36 +147,79 @@ class Programme:
         return [_Row(over, second.begin), _Row(over, second.end, self._hold, distance)]
 
     @cached_property
-    def _free(self) -> Array | None:
+    def _free(self) -> _Point | None:
         """The solution without any order."""
-        return self._solved(())
+        return self._fastest(())
 
     @property
     def bound(self) -> float | None:
         """The greatest pace of any order, or more; None where no order has times."""
-        return None if self._free is None else float(self._free[-1])
+        return None if self._free is None else self._free.pace
 
     def best(self) -> Times | None:
         """The times of the greatest pace; None where all exclude each other."""
-        found, bound = None, -1.0
-        pending: list[tuple[tuple[int, int], ...]] = [()]
         self.nodes = 0
+        possible = self._possible()
+        if self._free is None or not possible.reshape(-1, 2).any(axis=1).all():
+            return None
+        found, bound = None, -1.0
+        pending: list[tuple[int, ...]] = [()]
         while pending and self.nodes < MOST_NODES:
             self.nodes += 1
             order = pending.pop()
-            solved = self._solved(order) if order else self._free
-            if solved is None or float(solved[-1]) <= bound + _TOLERANCE:
+            solved = self._fastest(order) if order else self._free
+            if solved is None or solved.pace <= bound + _TOLERANCE:
                 continue
             clash = self._clash(solved, order)
             if clash is None:
-                bound = float(solved[-1])
-                found = order
+                bound, found = solved.pace, self._complete(order, solved)
                 continue
-            first, second = clash
-            later = self._middle(solved, first) > self._middle(solved, second)
-            branches = [(*order, (first, second)), (*order, (second, first))]
-            pending += branches if later else branches[::-1]  # the likelier order comes last and is tried first
+            first, second = (solved.middle(self._items[item]) for item in self._pairs[clash])
+            ways = (2 * clash + 1, 2 * clash)  # the likelier order comes last, and is tried first
+            pending += [(*order, way) for way in (ways[::-1] if first > second else ways) if possible[way]]
+        if found is not None and pending:
+            found = self._rearranged(found, bound, possible)
         return None if found is None else self._settled(found)
+
+    def _possible(self) -> Array:
+        """Of each way, whether the rows leave room for it at any pace."""
+        count = self.plan.variables + 1
+        longest = np.full((count, count), -np.inf)
+        longest[-1] = 0.0  # no variable is below 0
+        np.fill_diagonal(longest, 0.0)
+        np.maximum.at(longest, (self._rows.earlier, self._rows.later), -self._rows.room)
+        for middle in range(count):
+            np.maximum(longest, longest[:, middle, None] + longest[middle], out=longest)
+        if not self._pairs:
+            return np.zeros(0, dtype=bool)
+        rows, starts = self._all_ways
+        return np.logical_and.reduceat(longest[rows.later, rows.earlier] - rows.room <= _TOLERANCE, starts)
+
+    def _rearranged(self, order: tuple[int, ...], bound: float, possible: Array) -> tuple[int, ...]:
+        """A complete order made better by small changes, those first that shorten the whole way most."""
+        left, solved = MOST_NODES, self._fastest(order)
+        while solved is not None:
+            sequence = sorted(range(len(self._items)), key=lambda item: solved.middle(self._items[item]))
+            order, solved, better = self._complete((), solved), None, bound + _TOLERANCE
+            for moved in sorted(_moved(sequence), key=self._length)[:left]:
+                candidate = self._order(moved)
+                if candidate != order and possible[list(candidate)].all():
+                    self.nodes, left = self.nodes + 1, left - 1
+                    found = self._fastest(candidate)
+                    if found is not None and found.pace > better:
+                        order, bound, solved = candidate, found.pace, found
+                        break
+        return order
+
+    def _order(self, sequence: Sequence[int]) -> tuple[int, ...]:
+        """The order of all pairs, where the items come in a sequence."""
+        rank = {item: number for number, item in enumerate(sequence)}
+        return tuple(2 * pair + (rank[i] > rank[j]) for pair, (i, j) in enumerate(self._pairs))
+
+    def _length(self, sequence: Sequence[int]) -> float:
+        """The way from the start to all items in a sequence."""
+        conditions = [None, *(self._items[item].psi for item in sequence)]
+        return sum(self._regions.distance(*each) for each in pairwise(conditions))
 
     def shortfall(self) -> str | None:
         """The two items that are too near each other, with their windows and the steps that are missing.
@@ -123,41 +227,44 @@ class Programme:
         None where the windows leave no room, whatever excludes what.
         """
         free = self._free
-        if free is None:
+        if free is None or not self._pairs:
             return None
-        order = [(i, j) if self._middle(free, i) <= self._middle(free, j) else (j, i) for i, j in self._pairs]
-        solved = self._solved(order, elastic=True)
+        middles = [[free.middle(self._items[item]) for item in pair] for pair in self._pairs]
+        order = [2 * k + (first > second) for k, (first, second) in enumerate(middles)]
+        solved = self._fastest(order, elastic=True)
         if solved is None:
             return None
-        rows = [(row, pair) for pair in order for row in self._apart(self._items[pair[0]], self._items[pair[1]])]
-        over = [_at(solved, row.earlier) + row.gap - _at(solved, row.later) for row, _ in rows]
-        if not over or max(over) <= 0:
-            return None
+        over = [float(-self._ways[way].left(solved.values, 0.0).min()) for way in order]
         worst = int(np.argmax(over))
-        first, second = (self._told(free, item) for item in rows[worst][1])
+        if over[worst] <= 0:
+            return None
+        i, j = self._pairs[worst]
+        first, second = (self._told(free, item) for item in ((i, j) if order[worst] % 2 == 0 else (j, i)))
         return f"{first} and {second} exclude each other; steps missing: {max(1, round(over[worst]))}"
 
-    def _told(self, solved: Array, item: int) -> str:
+    def _told(self, solved: _Point, item: int) -> str:
         each = self._items[item]
-        begin, end = (round(_at(solved, step)) for step in (each.begin, each.end))
+        begin, end = (round(solved.at(step)) for step in (each.begin, each.end))
         return f"{each.psi} in {begin}..{end}"
 
-    def _settled(self, order: tuple[tuple[int, int], ...]) -> Times:
-        """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them."""
-        fastest = self._solved(order)
-        assert fastest is not None
-        order = self._complete(order, fastest)  # wider windows must not overlap where the narrow ones did not
-        early = self._early(fastest)
-        solved = self._solved(order, further=early) if early else fastest
-        if solved is None:
-            early, solved = [], fastest
-        pace = float(solved[-1])
-        widest = self._solved(order, pace * (1 - _TOLERANCE), early)
-        solved = solved if widest is None else widest  # None by rounding errors
-        values = np.floor(solved[:-1] + _TOLERANCE).astype(int)
+    def _settled(self, order: tuple[int, ...]) -> Times:
+        """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them.
+
+        The order is complete: wider windows must not overlap where the narrow ones did not.
+        """
+        solved = self._fastest(order)
+        assert solved is not None
+        early = self._early(solved)
+        if early and (earlier := self._fastest(order, early)) is not None:
+            solved = earlier
+        else:
+            early = []
+        pace = solved.pace
+        widest = self._widest(order, early, pace) or solved  # None by rounding errors
+        values = np.floor(widest.values[:-1] + _TOLERANCE).astype(int)
         return Times(max(0.0, pace), tuple(values.tolist()))
 
-    def _early(self, solved: Array) -> list[_Row]:
+    def _early(self, solved: _Point) -> list[_Row]:
         """What is excluded until an event ends so soon that a robot of `_FAST` times the pace need not wait for it.
 
         A method pays for being near a goal at once, so a robot arrives as soon as it can. It does not learn to wait.
@@ -167,84 +274,96 @@ class Programme:
             event, held = self._items[i], self._items[j]
             if not isinstance(event, Event) or not isinstance(held, Held):
                 continue
-            if held.end.variable is None or _at(solved, held.end) >= _at(solved, event.begin):
+            if held.end.variable is None or solved.at(held.end) >= solved.at(event.begin):
                 continue
             over, origin = At(0), None
             for other in self.plan.events:
-                if _at(solved, over) < _at(solved, other.end) <= _at(solved, event.begin) and other is not event:
+                if solved.at(over) < solved.at(other.end) <= solved.at(event.begin) and other is not event:
                     over, origin = other.end + other.stay, other.psi
             if (distance := self._regions.distance(origin, event.psi)) > 0:
                 rows.append(_Row(held.end, over, 1, -distance / _FAST))
         return rows
 
-    def _middle(self, solved: Array, item: int) -> float:
-        each = self._items[item]
-        return _at(solved, each.begin) + _at(solved, each.end)
-
-    def _clash(self, solved: Array, order: Sequence[tuple[int, int]]) -> tuple[int, int] | None:
+    def _clash(self, solved: _Point, order: Sequence[int]) -> int | None:
         """The first pair whose order is open and that would be at the same time, or too near."""
-        for i, j in self._open(order):
-            if not (self._are_apart(solved, i, j) or self._are_apart(solved, j, i)):
-                return i, j
-        return None
+        open_pairs = np.flatnonzero(self._open(order) & ~self._are_apart(solved).any(axis=1))
+        return int(open_pairs[0]) if len(open_pairs) else None
 
-    def _complete(self, order: tuple[tuple[int, int], ...], solved: Array) -> tuple[tuple[int, int], ...]:
+    def _complete(self, order: tuple[int, ...], solved: _Point) -> tuple[int, ...]:
         """With the pairs whose order is open, as they are apart in a solution."""
-        rest = self._open(order)
-        return (*order, *((i, j) if self._are_apart(solved, i, j) else (j, i) for i, j in rest))
+        rest = np.flatnonzero(self._open(order))
+        return (*order, *(2 * rest + ~self._are_apart(solved)[rest, 0]).tolist())
 
-    def _open(self, order: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-        """The pairs that exclude each other and whose order is not decided."""
-        decided = {*order, *((j, i) for i, j in order)}
-        return (pair for pair in self._pairs if pair not in decided)
+    def _open(self, order: Sequence[int]) -> Array:
+        """Of each pair, whether its order is not decided."""
+        found = np.ones(len(self._pairs), dtype=bool)
+        found[np.array(order, dtype=np.int64) // 2] = False
+        return found
 
-    def _are_apart(self, solved: Array, first: int, second: int) -> bool:
-        return all(self._kept(solved, row) for row in self._apart(self._items[first], self._items[second]))
+    def _are_apart(self, solved: _Point) -> Array:
+        """Of each pair, whether its items are apart in a solution, in the one order and in the other (n, 2)."""
+        if not self._pairs:
+            return np.ones((0, 2), dtype=bool)
+        rows, starts = self._all_ways
+        kept = rows.left(solved.values, solved.pace) >= -1e-5
+        return np.logical_and.reduceat(kept, starts).reshape(-1, 2)
 
-    def _kept(self, solved: Array, row: _Row) -> bool:
-        way = row.gap + float(solved[-1]) * row.distance
-        return _at(solved, row.earlier) + way <= _at(solved, row.later) + 1e-5
+    def _with(self, order: Sequence[int], further: Sequence[_Row] = ()) -> _Rows:
+        return _Rows.joined([self._rows, _Rows.of(further), *(self._ways[way] for way in order)])
 
-    def _solved(
-        self,
-        order: Sequence[tuple[int, int]],
-        pace: float | None = None,
-        further: Sequence[_Row] = (),
-        elastic: bool = False,
-    ) -> Array | None:
-        """The values of all variables and the pace, greatest; with a pace, the widest windows at it.
+    def _fastest(self, order: Sequence[int], further: Sequence[_Row] = (), elastic: bool = False) -> _Point | None:
+        """The greatest pace, and steps for it.
 
-        `elastic`: with the least number in place of the pace by which rows with a gap may be broken.
+        `elastic`: with the least number in place of the pace by which rows with a gap or a distance may be broken.
         """
-        from scipy.optimize import linprog  # which most commands do without
-
-        rows = [*self._rows, *further] + [row for i, j in order for row in self._apart(self._items[i], self._items[j])]
-        left = np.zeros((len(rows), self.plan.variables + 1))
-        for place, row in enumerate(rows):
-            _add(left[place], row.earlier, 1.0)
-            _add(left[place], row.later, -1.0)
-            left[place, -1] = row.distance if not elastic else -1.0 if row.gap or row.distance else 0.0
-        right = np.array([row.later.offset - row.earlier.offset - row.gap for row in rows], dtype=np.float64)
-        least = 0.0 if pace is None else max(0.0, pace)
-        bounds = [(0.0, None)] * self.plan.variables + [(least, MOST_PACE)]
+        rows = self._with(order, further)
+        if elastic:
+            rows = replace(rows, distance=np.where(rows.soft, -1.0, 0.0))
         cost = np.zeros(self.plan.variables + 1)
-        if pace is None:
-            cost[-1] = 1.0 if elastic else -1.0
-        for event in () if pace is None else self.plan.events:
+        cost[-1] = 1.0 if elastic else -1.0
+        return _solved(rows, cost, 0.0)
+
+    def _widest(self, order: Sequence[int], further: Sequence[_Row], pace: float) -> _Point | None:
+        """The widest windows at a pace."""
+        cost = np.zeros(self.plan.variables + 1)
+        for event in self.plan.events:
             _add(cost, event.begin, 1.0)
             _add(cost, event.end, -1.0)
-        for held in () if pace is None else self.plan.held:
+        for held in self.plan.held:
             _add(cost, held.begin, -_LENGTH)
             _add(cost, held.end, _LENGTH)
-        solved = linprog(cost, A_ub=left, b_ub=right, bounds=bounds, method="highs")
-        return np.asarray(solved.x, dtype=np.float64) if solved.status == 0 else None
+        return _solved(self._with(order, further), cost, pace * (1 - _TOLERANCE))
+
+
+def _moved(sequence: Sequence[int]) -> Iterator[list[int]]:
+    """The sequences with one item at another place, or with some neighbours the other way round."""
+    items = list(sequence)
+    for place in range(len(items)):
+        rest = [*items[:place], *items[place + 1 :]]
+        yield from ([*rest[:other], items[place], *rest[other:]] for other in range(len(items)))
+    for begin, end in combinations(range(len(items) + 1), 2):
+        yield [*items[:begin], *items[begin:end][::-1], *items[end:]]
+
+
+def _solved(rows: _Rows, cost: Array, least: float) -> _Point | None:
+    """The point of least cost whose pace is at least `least`; None where there is none."""
+    from scipy.optimize import linprog  # which most commands do without
+    from scipy.sparse import coo_array
+
+    count, variables = len(rows.room), len(cost) - 1
+    place = np.arange(count)
+    data = np.concatenate([np.ones(count), -np.ones(count), rows.distance])
+    column = np.concatenate([rows.earlier, rows.later, np.full(count, variables)])
+    used = (column >= 0) & (data != 0)
+    index = (np.tile(place, 3)[used], column[used])
+    left = coo_array((data[used], index), shape=(count, variables + 1)).tocsr()
+    left.eliminate_zeros()
+    bounds = [(0.0, None)] * variables + [(max(0.0, least), MOST_PACE)]
+    solved = linprog(cost, A_ub=left, b_ub=rows.room, bounds=bounds, method="highs")
+    return _Point(np.append(solved.x[:-1], 0.0), float(solved.x[-1])) if solved.status == 0 else None
 
 
 def _add(row: Array, step: At, factor: float) -> None:
     """Add a multiple of a step to a row of coefficients, in place; its number has no coefficient."""
     if step.variable is not None:
         row[step.variable] += factor
-
-
-def _at(solved: Array, step: At) -> float:
-    return step.offset + (0.0 if step.variable is None else float(solved[step.variable]))

@@ -14,6 +14,7 @@ from stlbench.records.result import LEARNED, Score
 from stlbench.rollout import baselines, referee
 from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.haste import too_fast
 from stlbench.solver import witness
 from stlbench.task import Task
 from stlbench.task.windows import windows
@@ -74,6 +75,8 @@ def notes(task: Task, found: baselines.Constants, random: Score) -> Iterator[str
     for name, score in tried.items():
         if score.satisfaction >= LEARNED:
             yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
+    if (warning := too_fast(task)) is not None:
+        yield warning
     if random.ended_early:
         meaning = {
             "hold": "the last sample then stays to the end of the episode",

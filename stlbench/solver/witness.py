@@ -6,15 +6,12 @@ It is an evolutionary search on the environment itself. It needs no gradient, no
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import cycle, islice
-from typing import Any
 
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.baselines import random_actions
+from stlbench.rollout.baselines import held_at_random, random_actions
 from stlbench.rollout.controller import replay
 from stlbench.rollout.early_ends import judge
 from stlbench.task import Task
@@ -23,8 +20,6 @@ COPIES, _ELITE = 32, 6
 """Episodes of a generation, and how many of all so far the next one is made from."""
 _PIECES = 20
 """A sequence has at most so many actions. Each is held for an equal part of the episode."""
-_FIRST = (1, 2, 4, _PIECES)
-"""Different actions in a sequence of the first generation, by turns: some are constant."""
 _NEW, _SPREAD = 0.15, 0.1
 """The share of actions that are drawn anew, and the standard deviation of changes of others, over an axis' span."""
 
@@ -52,7 +47,7 @@ def search(task: Task, seconds: float, seed: int = 0) -> Nearest:
     decisions = task.file.steps // task.file.hold
     when = np.arange(decisions) * min(_PIECES, decisions) // decisions
     start = np.repeat(task.starts.report_and_selection()[0][:1], COPIES, axis=0)
-    pool = _drawn(task, generator, when[-1] + 1)
+    pool = held_at_random(task.actions, generator, COPIES, when[-1] + 1)
     best, scores, episodes = pool[:0], np.empty((0, 2)), 0
     while True:
         played = replay(task, pool[:, when], start)
@@ -67,19 +62,6 @@ def search(task: Task, seconds: float, seed: int = 0) -> Nearest:
             vectors = actions.vectors[best[0]] if isinstance(actions, ActionGrid) else best[0]
             return Nearest(float(scores[0, 0]), episodes, tuple(map(tuple, vectors.tolist())))
         pool = _changed(task, generator, best)
-
-
-def _drawn(task: Task, generator: np.random.Generator, pieces: int) -> Integers | Array:
-    """The first generation: indices of the grid (copies, pieces), or vectors (copies, pieces, axes)."""
-
-    def sequences() -> Iterator[Integers | Array]:
-        for different in cycle(_FIRST):
-            count = min(different, pieces)
-            yield random_actions(task.actions, generator, count)[np.arange(pieces) * count // pieces]
-
-    first: list[Any] = list(islice(sequences(), COPIES))
-    generation: Integers | Array = np.stack(first)
-    return generation
 
 
 def _changed(task: Task, generator: np.random.Generator, elite: Integers | Array) -> Integers | Array:

@@ -162,6 +162,15 @@ def test_a_hard_formula_has_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 0 < len(few) < len(everything)
 
 
+def test_an_order_that_is_not_searched_to_the_end_is_improved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Places on a line in any order: the way along the line is the shortest, and the search has time for one order."""
+    places = [f"x >= {k} & x <= {k + 0.5}" for k in (5, 2, 7, 1, 9, 3, 8)]
+    text = " & ".join(f"F[0,95] ({place})" for place in places)
+    monkeypatch.setattr("stlbench.schedules.times.MOST_NODES", 40)
+    (found,) = schedules(stl.parse(text), LINE, 1, 100)
+    assert [str(term.psi) for term in found.terms] == sorted(places)
+
+
 @pytest.mark.parametrize("name", ["suite-cart-pendulum-patrol-stay-1", "suite-cart-pendulum-patrol-stay-2"])
 def test_goals_that_exclude_each_other_have_windows_apart(name: str) -> None:
     """Also where the fastest times had them apart without a decision: wider windows overlapped there."""

@@ -79,6 +79,22 @@ def test_a_witness_is_kept_and_satisfies() -> None:
     assert found["robustness"] == pytest.approx(0.1 - nearest, abs=1e-6)
 
 
+@pytest.mark.usefixtures("made")
+def test_what_is_too_fast_is_told() -> None:
+    """The point goes at most 0.1 in a step: it takes at least 5 from the one place to the other."""
+    signals, here, there = {"x": "obs[place][0]"}, "x >= 0.5 & x <= 0.7", "x >= -0.2 & x <= 0"
+    slow = pose(Problem(POINT, f"F[0,10] ({here}) & F[10,30] ({there})", signals), Path("slow"))
+    assert not [note for note in slow.notes if "too fast" in note]
+    fast = pose(Problem(POINT, f"F[9,10] ({here}) & F[11,12] ({there})", signals), Path("fast"))
+    (note,) = (note for note in fast.notes if "too fast" in note)
+    ends = f"from '{here}' in 9..10 to '{there}' in 11..12"
+    found = re.fullmatch(
+        rf"perhaps too fast: {re.escape(ends)}; with actions held at random such a way takes (\d+) steps more", note
+    )
+    assert found is not None, note
+    assert 2 <= int(found[1]) <= 8
+
+
 def test_what_is_trivial_or_impossible_is_told() -> None:
     trivial = pose(Problem("Pendulum-v1", "G[0,5] abs(omega) <= 8.5"), Path("out"))
     assert trivial.notes[0].partition(" %")[0] == "trivial: by the action zero 100"
