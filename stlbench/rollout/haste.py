@@ -16,7 +16,7 @@ from stlbench.rollout.baselines import held_at_random
 from stlbench.rollout.controller import replay
 from stlbench.rollout.rewrites import alternatives, regions
 from stlbench.schedules.derive import UnscheduledError
-from stlbench.stl import FragmentError, Term, fragment
+from stlbench.stl import Formula, FragmentError, Term, fragment
 from stlbench.task import Task
 from stlbench.task.forms import regular
 
@@ -42,7 +42,7 @@ def too_fast(task: Task) -> str | None:
         for first, second in pairwise([None, *goals])
         if second is not None and (first is None or first.end <= second.start + first.length)
     ]
-    far = [(first, second) for first, second in ways if known.distance(first and first.psi, second.psi) > 0]
+    far = [(first, second) for first, second in ways if known.distance(_psi(first), second.psi) > 0]
     if not far:
         return None
     actions = _held(task)
@@ -52,7 +52,7 @@ def too_fast(task: Task) -> str | None:
     missing = dict[tuple[Term | None, Term], float]()
     for first, second in far:
         given = _last(second) - (0 if first is None else first.start + first.length - 1)
-        needed = known.steps(first and first.psi, second.psi, traces)
+        needed = known.steps(_psi(first), second.psi, traces)
         missing[first, second] = (inf if needed is None else needed) - given
     first, second = max(missing, key=lambda way: missing[way])
     if missing[first, second] <= 0:
@@ -72,6 +72,10 @@ def _held(task: Task) -> Integers | Array:
 
 def _decisions(task: Task) -> int:
     return task.file.steps // task.file.hold
+
+
+def _psi(term: Term | None) -> Formula | None:
+    return None if term is None else term.psi
 
 
 def _last(term: Term) -> int:

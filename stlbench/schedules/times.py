@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import combinations
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers
 from stlbench.schedules.plan import At, Event, Held, Plan
@@ -24,6 +26,7 @@ _LENGTH = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
 _Item = Event | Held
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -55,17 +58,18 @@ class _Rows:
     later: Integers
     room: Array
     distance: Array
-    soft: Array
+    soft: Flags
     """Whether a row has a gap or a distance: it may be broken to say by how much windows are too near."""
 
     @classmethod
     def of(cls, rows: Sequence[_Row]) -> _Rows:
         ends = [[-1 if at.variable is None else at.variable for at in (row.earlier, row.later)] for row in rows]
-        columns = np.array(ends, dtype=np.int64).reshape(-1, 2)
+        earlier, later = np.array(ends, dtype=np.int64).reshape(-1, 2).T
         room = [row.later.offset - row.earlier.offset - row.gap for row in rows]
         distance = [row.distance for row in rows]
         soft = [bool(row.gap or row.distance) for row in rows]
-        return cls(*columns.T, np.array(room, dtype=float), np.array(distance, dtype=float), np.array(soft, dtype=bool))
+        left, far = (np.array(each, dtype=float) for each in (room, distance))
+        return cls(earlier, later, left, far, np.array(soft, dtype=bool))
 
     def left(self, values: Array, pace: float) -> Array:
         """The steps that each row leaves free (n,); negative where it is broken."""
@@ -181,7 +185,7 @@ class Programme:
             found = self._rearranged(found, bound, possible)
         return None if found is None else self._settled(found)
 
-    def _possible(self) -> Array:
+    def _possible(self) -> Flags:
         """Of each way, whether the rows leave room for it at any pace."""
         count = self.plan.variables + 1
         longest = np.full((count, count), -np.inf)
@@ -195,11 +199,12 @@ class Programme:
         rows, starts = self._all_ways
         return np.logical_and.reduceat(longest[rows.later, rows.earlier] - rows.room <= _TOLERANCE, starts)
 
-    def _rearranged(self, order: tuple[int, ...], bound: float, possible: Array) -> tuple[int, ...]:
+    def _rearranged(self, order: tuple[int, ...], bound: float, possible: Flags) -> tuple[int, ...]:
         """A complete order made better by small changes, those first that shorten the whole way most."""
         left, solved = MOST_NODES, self._fastest(order)
         while solved is not None:
-            sequence = sorted(range(len(self._items)), key=lambda item: solved.middle(self._items[item]))
+            middles = list(map(solved.middle, self._items))
+            sequence = sorted(range(len(self._items)), key=middles.__getitem__)
             order, solved, better = self._complete((), solved), None, bound + _TOLERANCE
             for moved in sorted(_moved(sequence), key=self._length)[:left]:
                 candidate = self._order(moved)
@@ -218,8 +223,8 @@ class Programme:
 
     def _length(self, sequence: Sequence[int]) -> float:
         """The way from the start to all items in a sequence."""
-        conditions = [None, *(self._items[item].psi for item in sequence)]
-        return sum(self._regions.distance(*each) for each in pairwise(conditions))
+        targets = [self._items[item].psi for item in sequence]
+        return sum(map(self._regions.distance, [None, *targets[:-1]], targets))
 
     def shortfall(self) -> str | None:
         """The two items that are too near each other, with their windows and the steps that are missing.
@@ -294,13 +299,13 @@ class Programme:
         rest = np.flatnonzero(self._open(order))
         return (*order, *(2 * rest + ~self._are_apart(solved)[rest, 0]).tolist())
 
-    def _open(self, order: Sequence[int]) -> Array:
+    def _open(self, order: Sequence[int]) -> Flags:
         """Of each pair, whether its order is not decided."""
         found = np.ones(len(self._pairs), dtype=bool)
         found[np.array(order, dtype=np.int64) // 2] = False
         return found
 
-    def _are_apart(self, solved: _Point) -> Array:
+    def _are_apart(self, solved: _Point) -> Flags:
         """Of each pair, whether its items are apart in a solution, in the one order and in the other (n, 2)."""
         if not self._pairs:
             return np.ones((0, 2), dtype=bool)
@@ -356,10 +361,10 @@ def _solved(rows: _Rows, cost: Array, least: float) -> _Point | None:
     column = np.concatenate([rows.earlier, rows.later, np.full(count, variables)])
     used = (column >= 0) & (data != 0)
     index = (np.tile(place, 3)[used], column[used])
-    left = coo_array((data[used], index), shape=(count, variables + 1)).tocsr()
+    left: Any = coo_array((data[used], index), shape=(count, variables + 1)).tocsr()
     left.eliminate_zeros()
     bounds = [(0.0, None)] * variables + [(max(0.0, least), MOST_PACE)]
-    solved = linprog(cost, A_ub=left, b_ub=rows.room, bounds=bounds, method="highs")
+    solved: Any = linprog(cost, A_ub=left, b_ub=rows.room, bounds=bounds, method="highs")
     return _Point(np.append(solved.x[:-1], 0.0), float(solved.x[-1])) if solved.status == 0 else None
 
 
