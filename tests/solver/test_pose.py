@@ -134,7 +134,7 @@ def test_how_long_a_slow_environment_takes_is_said_before_the_first_look() -> No
     check_speed(task, 0.0001 * each, 10, said.append)
     assert said == []
     check_speed(task, 0.1 * each, 1000, said.append)
-    assert said == ["a step of the environment takes 100 ms, so the first look takes about 9 min 10 s"]
+    assert said == ["a step of the environment takes 100 ms, so the first look takes about 2 h 26 min"]
     with pytest.raises(UsageError, match=r"^10 minutes are too short: a step of the environment takes 100 ms; about"):
         check_speed(task, 0.1 * each, 10, said.append)
 
