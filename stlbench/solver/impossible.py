@@ -96,7 +96,7 @@ def _demands(formula: Formula, begin: int, end: int, throughout: bool) -> Iterat
         case Eventually(a, b, arg):
             yield from _demands(arg, begin + a, end + b, False)
         case Until(a, b, left, right) if surely:
-            if end + a > begin:
+            if a > 0:  # else the right operand may hold at once
                 yield from _demands(left, begin, end + a - 1, True)
             yield from _demands(right, begin + a, begin + b, False)
 

@@ -40,6 +40,7 @@ POSSIBLE = [
     "G[0,9] (x > 0.1 | y > 0) & F[0,9] x < 0",
     "H[2,3] x > 2",  # nothing is before the first sample
     "x > 2 R[0,9] y > 0",
+    "G[0,9] (x > 0.1 U[0,3] y > 0) & F[0,5] x < 0",
     "G[0,9] F[0,4] x > 0.1 & F[0,9] G[0,3] x < 0",
     "G[0,9] sqrt(x) > 9",  # not defined all over the box: nothing is shown
 ]
