@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from stlbench.report.figures import layout
@@ -47,7 +48,7 @@ def overview(rows: Sequence[tuple[str, Sequence[Group]]], methods: Sequence[str]
         side.set_visible(False)
     seeds = {group.tried for _, groups in rows for group in groups if group.done}
     each = f"{min(seeds)}" if len(seeds) == 1 else f"{min(seeds)} to {max(seeds)}" if seeds else "no"
-    keys = [layout.patch("#08519c", f"seeds that learned the task, of {each}; the colour is their share")]
+    keys: list[Artist] = [layout.patch("#08519c", f"seeds that learned the task, of {each}; the colour is their share")]
     if any(not group.done for _, groups in rows for group in groups):
         keys.append(layout.key_of(f"{_UNKNOWN} no seed finished", linestyle=""))
     return layout.finish(figure, "What each method learned", keys, 1)
