@@ -94,7 +94,7 @@ def _alone(text: str) -> Specification:
     try:
         formula = stl.parse(text)
     except (TypeError, ValueError) as error:
-        raise UsageError(f"formula: {one_line(error)}") from error
+        raise UsageError(f"formula: {error}") from error
     if (endless := unbounded(formula)) is not None:
         raise UsageError(f"formula: {endless} has no end without a task; give its interval in steps, as in G[0,100]")
     predicates = " ".join(str(node) for node in walk(formula) if isinstance(node, stl.Predicate))

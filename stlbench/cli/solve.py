@@ -65,7 +65,12 @@ def solve(
     """
     from stlbench.solver.run import solve as solved
 
-    texts = dict(map(_signal, signals or ()))
+    texts = dict[str, str]()
+    for text in signals or ():
+        name, expression = _signal(text)
+        if name in texts:
+            raise UsageError(f"--signal {name} is given twice: {texts[name]}, and {expression}")
+        texts[name] = expression
     try:
         solution = solved(
             environment,

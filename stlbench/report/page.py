@@ -5,24 +5,35 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.util import find_spec
+from io import BytesIO
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import quote
 
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.records.identity import Setting
+from stlbench.records.inputs import names, read
 from stlbench.records.outputs import TRACES, write
 from stlbench.records.stored import Find
 from stlbench.registry.choices import Choice
 from stlbench.report import Report
-from stlbench.report.figures.files import drawings_across, drawings_of_alignment, drawings_of_tasks, svg_of
+from stlbench.report.figures.files import (
+    Drawing,
+    drawings_across,
+    drawings_of_alignment,
+    drawings_of_overview,
+    drawings_of_tasks,
+    svg_of,
+)
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.page_cells import Part, cell_part, cells_shown
+from stlbench.report.tables.answer import verdicts
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Table, show
 from stlbench.rollout.questions import Ask
@@ -41,8 +52,49 @@ Facts = list[tuple[str, str]]
 class Picture(NamedTuple):
     label: str  # what it shows, for those who cannot see it
     data: str
-    """SVG in base64. As an image it runs nothing and loads nothing."""
+    """In base64. As an image, SVG runs nothing and loads nothing."""
     size: tuple[int, int]  # width and height in pixels
+    kind: str = "svg+xml"
+
+
+@dataclass(frozen=True)
+class Opening:
+    """What stands first on a page: the answer."""
+
+    lines: Sequence[str]
+    """A paragraph each."""
+    facts: Facts = field(default_factory=list)
+    pictures: Sequence[Path] = ()
+    """Films and pictures in the folder of the page, or in one of its folders. Large ones are links."""
+    title: str = ""
+    """The folder's name where empty."""
+
+
+_KINDS = {".gif": "gif", ".png": "png", ".webp": "webp"}
+_ROOM = 3_000_000
+"""Characters of all films and figures together. With the cells the page then has less than 5 MB."""
+_FILM = _ROOM // 2
+"""A longer film is a link."""
+
+
+_TOO_LARGE = (
+    "Figures are left out, as the page would be too large: `stlbench report` and `stlbench plot` draw them as files."
+)
+
+
+@dataclass
+class _Room:
+    """How much more may be embedded."""
+
+    left: int
+
+    def take(self, picture: Picture) -> Picture:
+        self.left -= len(picture.data)
+        return picture
+
+    def drawn(self, drawing: Drawing) -> list[Picture]:
+        """The picture, if there is room for one."""
+        return [self.take(_picture(drawing.label, drawing.draw()))] if self.left > 0 else []
 
 
 def require() -> None:
@@ -59,17 +111,25 @@ def write_page(
     ask: Ask,
     path: Path | None = None,
     tell: Tell = lambda done, total: None,
+    opening: Opening | None = None,
 ) -> Path:
     """Write the page of a folder's results; the path, which is report.html in the folder if None is given.
 
     `find` reads the result of a cell; `load` loads a task, `ask` asks methods for their bounds, and `tell` is called
-    after each task. Raises `UsageError` if jinja2 is not installed, or the file cannot be written.
+    after each task. The `opening` stands in place of the verdicts and the films of the results. Raises `UsageError` if
+    jinja2 is not installed, or the file cannot be written.
     """
     require()
+    path = path or folder / FILE
+    if opening is None:
+        films = folder / "films"
+        shown = [films / name for name in names(films, folder, (".gif", ".webp"))] if path.parent == folder else []
+        lines = [line for line in verdicts(report.pairs) if not line.endswith("--explain")]  # the tables have all pairs
+        opening = Opening(lines, pictures=shown)
     with fitting("column"):
-        text = _Page(report, find, folder, load, ask).text(tell)
+        text = _Page(report, find, folder, load, ask, opening, path.parent, _Room(_ROOM)).text(tell)
     try:
-        return write(path or folder / FILE, text)
+        return write(path, text)
     except UsageError as error:
         raise type(error)(f"{error}; --out FILE writes the page elsewhere") from error
 
@@ -81,6 +141,10 @@ class _Page:
     folder: Path
     load: Load
     ask: Ask
+    opening: Opening
+    home: Path
+    """The folder of the page."""
+    room: _Room
 
     @cached_property
     def colours(self) -> Colours:
@@ -88,15 +152,20 @@ class _Page:
 
     def text(self, tell: Tell) -> str:
         report = self.report
-        drawings = drawings_of_tasks(report.learned, self.colours, self.load)
+        embedded, links = self._opened()
+        first = [picture for each in drawings_of_overview(report.learned) for picture in self.room.drawn(each)]
+        over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
+        pictures = [picture for drawing in over_all for picture in self.room.drawn(drawing)]
+        of_tasks, without = self._of_tasks()
         parts, done = list[Part](), 0
         for choice, members in groupby(report.groups, key=lambda group: group.setting.task):
             groups = list(members)
-            pictures = [_picture(drawing.label, drawing.draw()) for drawing in drawings.get(choice, [])]
-            parts.append({"key": f"task-{len(parts)}", "pictures": pictures, **self.task_part(choice, groups)})
+            shown = of_tasks.get(choice, [])
+            part = {"key": f"task-{len(parts)}", "pictures": shown, **self.task_part(choice, groups)}
+            part["lacks"] += [_TOO_LARGE] if choice in without or not all(own for _, own in part["policies"]) else []
+            parts.append(part)
             done += len(groups)
             tell(done, len(report.groups))
-        over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
         table = report.tables["robustness"]
         wide = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
         overview = table.select(wide, "Overview").trimmed()
@@ -107,11 +176,14 @@ class _Page:
         tables = [overview, *across, cells, *(table for part in parts for table in (*part["tables"], part["worst"]))]
         tables += [table for part in details for table in part["tables"]]
         return _rendered(
-            title=self.folder.resolve().name or "results",
+            title=self.opening.title or self.folder.resolve().name or "results",
+            opening=self.opening,
+            first=[*first, *embedded],
+            links=links,
             overview=overview,
             task_links=[f"#{keys[str(row[0])]}" for row in overview.rows],
             across=across,
-            pictures=[_picture(drawing.label, drawing.draw()) for drawing in over_all],
+            pictures=pictures,
             parts=parts,
             cells=cells,
             details=details,
@@ -122,6 +194,26 @@ class _Page:
             },
             circumstances=report.circumstances,
         )
+
+    def _opened(self) -> tuple[list[Picture], list[tuple[str, str]]]:
+        """The films and pictures of the opening: those that are embedded, and the others as label and link."""
+        embedded, links = list[Picture](), list[tuple[str, str]]()
+        for path in self.opening.pictures:
+            data = read(path, self.home)
+            picture = Picture(path.stem, base64.b64encode(data).decode(), _size(data), _KINDS[path.suffix])
+            if len(picture.data) <= min(_FILM, self.room.left):
+                embedded.append(self.room.take(picture))
+            else:
+                links.append((path.name, quote(str(path.relative_to(self.home)))))
+        return embedded, links
+
+    def _of_tasks(self) -> tuple[dict[Choice, list[Picture]], set[Choice]]:
+        """The pictures of each task, as long as there is room: first one of each; and the tasks that lack some."""
+        drawings = drawings_of_tasks(self.report.learned, self.colours, self.load)
+        pictures = {choice: self.room.drawn(own[0]) for choice, own in drawings.items()}
+        for choice, own in drawings.items():
+            pictures[choice] += [picture for drawing in own[1:] for picture in self.room.drawn(drawing)]
+        return pictures, {choice for choice, own in drawings.items() if len(pictures[choice]) < len(own)}
 
     def task_part(self, choice: Choice, groups: Sequence[Group]) -> Part:
         """What the task is, what its policies did, and what the folder lacks."""
@@ -164,8 +256,9 @@ class _Page:
         for setting, story in stories.items():
             track = "" if setting.track == "shared" else f", {setting.track}"
             name = f"{setting.method} ({setting.agent}, {setting.budget}{track})"
-            figures = figures_of(task, story, bands[setting.method], name, self.colours[str(setting.method)])
-            yield name, [_picture(label, figure) for label, figure in figures]
+            colour = self.colours[str(setting.method)]
+            figures = figures_of(task, story, bands[setting.method], name, colour) if self.room.left > 0 else ()
+            yield name, [self.room.take(_picture(label, figure)) for label, figure in figures]
 
 
 def _rendered(**content: Any) -> str:
@@ -187,6 +280,17 @@ def _rendered(**content: Any) -> str:
 def _picture(label: str, figure: Figure) -> Picture:
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
     return Picture(label, base64.b64encode(svg_of(figure, alone=True)).decode(), (width, height))
+
+
+def _size(data: bytes) -> tuple[int, int]:
+    """Width and height of a picture. Raises `UsageError` where it is none."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(BytesIO(data), formats=("GIF", "PNG", "WEBP")) as picture:
+            return picture.size
+    except (UnidentifiedImageError, OSError, Image.DecompressionBombError) as error:
+        raise UsageError(f"a film or picture of the page cannot be read: {error}") from error
 
 
 def _facts(task: Task) -> Facts:

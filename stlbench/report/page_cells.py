@@ -14,8 +14,8 @@ from stlbench.report.tables.cells import CELL, ENDED_EARLY, if_done, percent, sc
 from stlbench.report.tables.rows import Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value
 
-MOST = 2000
-"""Cells that a page has one by one. Its tables and figures are of all cells."""
+MOST = 350
+"""Cells that a page has one by one, of 4 kB each. Its tables and figures are of all cells."""
 _LOG_LINES = 60
 Part = dict[str, Any]  # what the template shows of a task or a cell
 
@@ -25,8 +25,10 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     rows, notes = [row for group in groups for row in group.rows], list[str]()
     if len(rows) > MOST:
         seeds = max(1, MOST // len(groups))
-        notes.append(f"Of {len(rows)} cells the first {seeds} seeds of each setting; `stlbench show cell` shows any.")
-        rows = [row for group in groups for row in group.rows[:seeds]]
+        first = [row for group in groups for row in group.rows[:seeds]][:MOST]
+        which = f"first {seeds} seeds of each setting" if len(groups) <= MOST else f"first {len(first)}"
+        notes.append(f"Of {len(rows)} cells the {which}; `stlbench show cell` shows any.")
+        rows = first
     notes.append(
         "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
     )

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from stlbench.contract import ActionGrid, Unsuitable
-from stlbench.errors import UsageError
+from stlbench.contract import ActionGrid, Intractable, Unsuitable
+from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.rollout.auto import automatic, in_turn
 from stlbench.study.tracks import own_agent_on
-from stlbench.task import Task, build_agent, fitting_methods
+from stlbench.task import Task, build_agent, build_method, fitting_methods
 
 _MOST = 4  # contestants
 _LONG = 20
@@ -54,14 +54,21 @@ def contestants(task: Task, minutes: float) -> tuple[Contestant, ...]:
     derived = automatic(task, own)
     fitting = fitting_methods(derived)
     if not fitting:
-        raise UsageError(
-            f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
-        )
+        raise UsageError(f"no method fits the formula {task.formula}; {'; '.join(_reasons(derived))}")
     methods = in_turn(fitting, derived.file.followed)
     if not isinstance(task.actions, ActionGrid):  # learned from by dqn alone; with td3 cfer is the same as flag
         methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals > 0))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
+
+
+def _reasons(task: Task) -> Iterator[str]:
+    """What each method says of a task that it does not fit, such as the operator that it does not know."""
+    for name in plugins.available("methods"):
+        try:
+            build_method(task, name)
+        except (Intractable, Unsuitable, UsageError) as error:
+            yield one_line(error)
 
 
 def _second(task: Task, own: str) -> list[str]:

@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from stlbench.records.result import LEARNED, MAIN, Result
 from stlbench.records.saved_policies import read
 from stlbench.report import Report, condense
 from stlbench.report import write as write_report
-from stlbench.report.page import require, write_page
+from stlbench.report.page import Opening, require, write_page
 from stlbench.rollout.standards import standards
 from stlbench.search.actor import Actor, of_cell
 from stlbench.search.certify import Claim, certify
@@ -78,9 +79,13 @@ class Delivery:
         facts = {"formula": str(actor.task.formula), "step seconds": actor.task.file.sampling_time}
         facts |= {"environment": _environment(actor.task, self.problem)}
         facts |= {"cell": self.best.id.name, "budget": self.best.id.budget, "key": self.best.key}
-        facts |= {"interrupted": self.interrupted} | self._certified(actor, starts)
-        counterexample = None if self.interrupted else self._attacked(actor, starts)
-        for what, part in (("policy", self._policy), ("page", self._page), ("film", self._film)):
+        repeatable = self.posed.state["repeatable"]
+        facts |= {"interrupted": self.interrupted} | self._certified(actor, starts) | {"repeatable": repeatable}
+        if not repeatable:
+            facts["seed"] = None
+        counterexample = self._attacked(actor, starts) if repeatable and not self.interrupted else None
+        page = partial(self._page, actor.task, facts, counterexample)
+        for what, part in (("policy", self._policy), ("film", self._film), ("page", page)):
             if what != "policy" and (self.interrupted or not self.clock.left):
                 later = f"report {self.cells} --html" if what == "page" else f"render {self.cells} {self.best.id.name}"
                 remarks.append(f"no time was left for the {what}; `stlbench {later}` makes it")
@@ -120,7 +125,7 @@ class Delivery:
         npz.write(self.folder / "policy.npz", read(self.cells, self.best, "selected"))
         export(self.cells, self.best, "selected", self.folder / "policy.onnx")
 
-    def _page(self) -> None:
+    def _page(self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None) -> None:
         """The page, or without its package the tables and figures as files."""
         cells = self.cells
         groups = condense(stored.read(cells))
@@ -131,7 +136,26 @@ class Delivery:
             write_report(report, cells, load_guarded)
             raise
         with stored.one_by_one(cells) as find:
-            write_page(report, find, cells, load_guarded, ask, self.folder / "page.html")
+            opening = self._opening(task, facts, attacked)
+            write_page(report, find, cells, load_guarded, ask, self.folder / "page.html", opening=opening)
+
+    def _opening(self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None) -> Opening:
+        """Certificate, film and counterexample, and what was asked of what."""
+        file, cell = task.file, self.best.id
+        asked = {
+            "environment": facts["environment"],
+            "formula": f"{task.formula}",
+            "steps": f"of {file.sampling_time:g} s; an episode has {file.steps}",
+            **{f"signal {name}": signal.expression or "an entry" for name, signal in file.signals.items()},
+            "an early end": file.terminated,
+            "trained by": f"{cell.method} with {cell.agent}, seed {cell.seed}, within {self.clock.minutes:g} minutes",
+        }
+        lines = [sentence(facts)]
+        if attacked is not None:
+            lines.append(f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}.")
+        found = sorted((self.folder / "counterexample").glob("*.png"))
+        pictures = [path for path in (self.folder / "film.gif", *found) if path.is_file()]
+        return Opening([*lines, *self.posed.notes], [*asked.items()], pictures, file.title)
 
     def _film(self) -> None:
         filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)

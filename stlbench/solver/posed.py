@@ -31,6 +31,8 @@ TASK = Choice("task")
 _ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
 _LOOK = 0.03
 """The share of the time for each of the first tries: scores, and constant actions."""
+_PLAYED = 5.0
+"""Seconds for which a slow environment may be played at least, before anything is known of its signals."""
 _SEARCH, _SEARCHED = 0.01, 15.0
 """The share of the time for the search for a witness, and the most seconds for it."""
 _MOST_SEARCHED = 3.0
@@ -98,11 +100,14 @@ class Posed:
         _write(path, content | {"budgets": change(content["budgets"])})
 
 
-def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
+def pose(
+    problem: Problem, folder: Path, minutes: float = 10.0, say: Callable[[str], None] = lambda text: None
+) -> Posed:
     """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
 
     Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal, an environment
-    that ends at once, or a folder that has another problem, code that is not this problem's, or links.
+    that ends at once or is too slow for the minutes, or a folder that has another problem, code that is not this
+    problem's, or links.
     """
     asked, home = folder / _ASKED, folder / TASK.name
     for path in folder.iterdir() if folder.is_dir() else ():
@@ -119,13 +124,12 @@ def pose(problem: Problem, folder: Path, minutes: float = 10.0) -> Posed:
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
         )
     try:
-        notes, seconds = _posed(problem, home, 60 * minutes)
+        state = {"problem": asdict(problem)} | _posed(problem, home, 60 * minutes, say)
     except BaseException:
         shutil.rmtree(home, ignore_errors=True)
         raise
-    state = {"problem": asdict(problem), "notes": notes, "episode_seconds": seconds}
     write(asked, json.dumps(state, indent=1))
-    return Posed(folder, seconds)
+    return Posed(folder, state["episode_seconds"])
 
 
 def is_of(problem: Problem, folder: Path) -> bool:
@@ -139,6 +143,7 @@ class _State(BaseModel):
     problem: dict[str, Any]
     notes: tuple[str, ...]
     episode_seconds: Positive
+    repeatable: bool = True
     searched: bool = False
     minutes: float | None = None
     methods: tuple[str, ...] | None = None
@@ -177,17 +182,18 @@ def _shown(problem: Mapping[str, Any]) -> str:
     return f"{problem['environment']} {problem['formula'] or ''}".strip()
 
 
-def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], float]:
-    """Write the folder of the task; notes, and the seconds of an episode."""
-    content = content_of(problem)
+def _posed(problem: Problem, home: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
+    """Write the folder of the task; what `solve.json` says of it."""
+    content = content_of(problem, max(_PLAYED, _LOOK * seconds))
     content["budgets"] = {"probe": _probe(content["steps"])}
     _write(home / _FILE, content)
     for name, text in code_beside(problem).items():
         write(home / name, text)
     folders.know(home, instead=True)
     task = load_task(TASK)
-    tries.try_at_random(task)
     episode = tries.episode_seconds(task)
+    tries.check_speed(task, episode, seconds / 60, say)
+    tries.try_at_random(task)
     if isinstance(task.dynamics, GymTask):  # each copy is stepped by itself, which may take long
         content["starts"] = int(np.clip(_LOOK * seconds / episode, tries.FEWEST, task.file.starts))
         _write(home / _FILE, content)
@@ -200,7 +206,10 @@ def _posed(problem: Problem, home: Path, seconds: float) -> tuple[list[str], flo
         "random": _numbers(random),
     }
     _write(home / _FILE, content)
-    return list(tries.notes(load_task(TASK), found, random)), episode
+    task = load_task(TASK)
+    repeatable = tries.is_repeatable(task)
+    notes = list(tries.notes(task, found, random, repeatable))
+    return {"notes": notes, "episode_seconds": episode, "repeatable": repeatable}
 
 
 def _probe(steps: int) -> dict[str, Any]:

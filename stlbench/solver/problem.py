@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +13,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.registry import folders, plugins
+from stlbench.solver.impossible import why_impossible
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.task import load_task
 from stlbench.task.file import EarlyEnd, Environment, TaskFile
@@ -21,6 +22,8 @@ from stlbench.task.gym_sketch import info_ends, sketch
 _NOTHING = 1e-300  # bounds are rounded outward, 0 too
 _DECISIONS = 200
 """An action is held for as many steps as leave at most so many decisions in an episode."""
+_WIDER = 1e6
+"""No policy leaves a range that random actions showed, made wider by this factor."""
 _BY_HAND = {"notes", "rewarded", "nested", "training", "features", "best_known", "baselines", "protocols", "budgets"}
 """What a task file says for training or for another formula. The track `auto` derives its own."""
 _ENTRY = re.compile(r"\bobs\[(\w+)\](?:\[(\d+)\])?")
@@ -45,12 +48,12 @@ class Problem:
     """What the environment is made with."""
 
 
-def content_of(problem: Problem) -> dict[str, Any]:
-    """The content of its task file, without budgets.
+def content_of(problem: Problem, seconds: float | None = None) -> dict[str, Any]:
+    """The content of its task file, without budgets. A slow environment is played for about so many seconds.
 
     Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal.
     """
-    return _of_task(problem) if _is_task(problem.environment) else _of_environment(problem)
+    return _of_task(problem) if _is_task(problem.environment) else _of_environment(problem, seconds)
 
 
 def code_beside(problem: Problem) -> Mapping[str, str]:
@@ -103,6 +106,7 @@ def _of_task(problem: Problem) -> dict[str, Any]:
         seconds = (problem.time or task.file.time) == "seconds"
         formula = _formula(problem.formula, task.file.sampling_time if seconds else None, set(task.signals))
         _check_horizon(formula, task.file.steps, problem.environment)
+        _refuse_impossible(formula, task.file.box)
         content["formula"], content["title"] = str(formula), f"{problem.formula} on {problem.environment}"
     if problem.terminated is not None:
         content["terminated"] = problem.terminated
@@ -112,22 +116,27 @@ def _of_task(problem: Problem) -> dict[str, Any]:
 # ---------------------------------------------------------------------------------------------------- of an environment
 
 
-def _of_environment(problem: Problem) -> dict[str, Any]:
+def _of_environment(problem: Problem, seconds: float | None) -> dict[str, Any]:
     """The content of a task file on an environment of Gymnasium."""
     if problem.formula is None:
         raise UsageError(f"{problem.environment} is an environment, which has no formula of its own; give one")
-    content = sketch(problem.environment, problem.keywords)
+    content = sketch(problem.environment, problem.keywords, seconds)
     entries = {name: (ends["low"], ends["high"]) for name, ends in content["signals"].items()}
     texts = {name: _expression(name, text, content["environment"]["names"]) for name, text in problem.signals.items()}
     dt = content["sampling_time"] if problem.time == "seconds" else None
+    told = dict[str, tuple[float, float]]()
     if not {*_names(texts), *stl.signals(_parsed(problem.formula, dt))} <= {*texts, *entries}:
-        entries |= info_ends(problem.environment, problem.keywords)
+        told = info_ends(problem.environment, problem.keywords, seconds)
+        entries |= told
     formula = _formula(problem.formula, dt, {*texts, *entries})
     _check_horizon(formula, content["steps"], problem.environment)
-    horizon = content["steps"] if unbounded(formula) is not None else max(1, stl.horizon(formula))
+    horizon = content["steps"] if unbounded(formula) is not None else stl.horizon(formula)
     hold = -(-horizon // _DECISIONS)
     steps = -(-horizon // hold) * hold
     used = [*texts, *(name for name in stl.signals(formula) if name not in texts)]
+    ends = {name: _ends(name, texts.get(name, name), entries) for name in used}
+    seen = {*content["environment"].get("scale", ()), *(name for name, pair in told.items() if pair != (0, 1))}
+    _refuse_impossible(formula, {name: _surely(texts.get(name, name), ends[name], seen) for name in used})
     return content | {
         "title": f"{problem.formula} on {problem.environment}",
         "formula": str(stl.resolve_end(formula, steps)),
@@ -135,7 +144,7 @@ def _of_environment(problem: Problem) -> dict[str, Any]:
         "steps": steps,
         "hold": hold,
         "terminated": problem.terminated or ("hold" if _has_goals(formula) else "violated"),
-        "signals": {name: _signal(name, texts.get(name), entries) for name in used},
+        "signals": {name: _signal(name, texts.get(name), ends[name]) for name in used},
     }
 
 
@@ -160,21 +169,34 @@ def _names(texts: Mapping[str, str]) -> Iterator[str]:
         try:
             yield from stl.signals(stl.parse_expression(text))
         except (ValueError, TypeError) as error:
-            raise UsageError(f"signal {name}: {one_line(error)}") from error
+            raise UsageError(f"signal {name}: {error}") from error
 
 
-def _signal(name: str, text: str | None, entries: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-    """An entry of `signals`: the range of an expression follows from the ranges of the entries in it."""
+def _ends(name: str, text: str, entries: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
+    """The range of a signal, which follows from the ranges of the entries in its expression."""
     try:
-        ends = stl.bounds(stl.parse(f"{text or name} >= 0"), entries, nodes=2000)
+        ends = stl.bounds(stl.parse(f"{text} >= 0"), entries, nodes=2000)
     except ValueError as error:
         raise UsageError(f"signal {name}: {one_line(error)}") from error
     if not np.isfinite([ends.low, ends.high]).all():
         raise UsageError(f"signal {name}: {text} is without ends where {entries}")
-    low, high = (float(f"{end:.4g}") if abs(end) > _NOTHING else 0.0 for end in (ends.low, ends.high))
+    return ends.low, ends.high
+
+
+def _signal(name: str, text: str | None, ends: tuple[float, float]) -> dict[str, Any]:
+    """An entry of `signals`."""
+    low, high = (float(f"{end:.4g}") if abs(end) > _NOTHING else 0.0 for end in ends)
     if not low < high:
         raise UsageError(f"signal {name} is constant, {low:g}; a formula is over signals that change")
     return {"low": low, "high": high} | ({} if text is None or text == name else {"expression": text})
+
+
+def _surely(text: str, ends: tuple[float, float], seen: Set[str]) -> tuple[float, float]:
+    """A range that no sample leaves. The ends of some entries are only by what random actions showed, as `seen`."""
+    if seen.isdisjoint(stl.signals(stl.parse_expression(text))):
+        return ends
+    most = _WIDER * max(map(abs, ends))
+    return -most, most
 
 
 # --------------------------------------------------------------------------------------------------------- the formula
@@ -184,7 +206,7 @@ def _parsed(text: str, dt: float | None = None) -> stl.Formula:
     try:
         return stl.parse(text, dt=dt)
     except (ValueError, TypeError) as error:
-        raise UsageError(f"formula: {one_line(error)}") from error
+        raise UsageError(f"formula: {error}") from error  # of several lines, with a caret below the place
 
 
 def _formula(text: str, dt: float | None, known: set[str]) -> stl.Formula:
@@ -195,8 +217,22 @@ def _formula(text: str, dt: float | None, known: set[str]) -> stl.Formula:
     return formula
 
 
+def _refuse_impossible(formula: stl.Formula, box: Mapping[str, tuple[float, float]]) -> None:
+    if reason := why_impossible(formula, box):
+        raise UsageError(f"formula: it is impossible: {reason}")
+
+
 def _check_horizon(formula: stl.Formula, steps: int, environment: str) -> None:
-    if unbounded(formula) is None and (horizon := stl.horizon(formula)) > steps:
+    try:
+        stl.resolve_end(formula, steps)
+    except ValueError as error:
+        raise UsageError(f"formula: {error}") from error
+    if unbounded(formula) is not None:
+        return
+    if not (horizon := stl.horizon(formula)):
+        rule = "no action changes it; say when, as in F[0,100] or G[0,100]"
+        raise UsageError(f"formula: the first sample of an episode decides it, and {rule}")
+    if horizon > steps:
         raise UsageError(f"formula: it looks {horizon} steps ahead, and an episode of {environment} has {steps}")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.result import Result
+from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, best_first, contestants, rank
 from stlbench.solver.posed import TASK, Posed
 from stlbench.solver.solution import FINAL, RACE, cells_of
@@ -23,14 +24,12 @@ from stlbench.study.tuning import FIRST_SEED
 
 _TIMES = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
-_RACE, _DELIVERY = 0.4, 0.2
-"""Shares of the time: for the race; for certificate, counterexamples and files. The final training has what is left."""
+_DELIVERY = 0.2
+"""The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
 _OF_PROBE = 10
 """Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
-_EPISODES, _LEAST = 20, 3000
-"""A training of fewer episodes, or of fewer steps, teaches nothing."""
 _SCORING, _CHECKPOINTS = 0.2, (4, 20)
 """The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
 _GLANCE = 8  # starts from which a checkpoint is scored during a training
@@ -162,13 +161,13 @@ class Trainer:
         Raises `UsageError` where it is too short even for one.
         """
         apart, each = _cost(probe)
-        steps, given = self.posed.task.file.steps, 60 * _RACE * self.clock.minutes
-        least = max(_EPISODES * steps, _LEAST)
+        steps, given = self.posed.task.file.steps, 60 * tries.RACE * self.clock.minutes
+        least = tries.least(self.posed.task)
         if given < least * each:
             raise UsageError(
                 f"{self.clock.minutes:g} minutes are too short: at {1 / each:.0f} steps a second they leave "
                 f"{given / each:.0f} steps for a training, and {least} are the least; "
-                f"about {least * each / (60 * _RACE):.2g} minutes are needed"
+                f"about {tries.least_minutes(self.posed.task, each):.2g} minutes are needed"
             )
         count = len(racing)
         while count > 1:

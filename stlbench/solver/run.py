@@ -7,11 +7,11 @@ import re
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import gymnasium
 
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.result import Result
 from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
@@ -24,6 +24,9 @@ from stlbench.solver.solution import FILE, Solution
 from stlbench.study.live_cells import duration
 from stlbench.study.progress import Progress
 from stlbench.task.file import EarlyEnd
+from stlbench.task.gym_calls import blaming
+
+_TIMES = ("steps", "seconds")
 
 
 def solve(
@@ -65,12 +68,15 @@ def solve(
         UsageError: in one line, what is wrong with the environment, the formula, a signal, the folder or the time.
     """
     check(Claim(confidence))
+    for name, value, known in (("time", time, _TIMES), ("terminated", terminated, get_args(EarlyEnd))):
+        if value is not None and value not in known:
+            raise UsageError(f"{name}: unknown {value!r}{did_you_mean(str(value), known)}")
     if not minutes > 0:
         raise UsageError(f"minutes should be more than 0, got {minutes:g}")
     identifier, keywords = _identified(environment)
     if ":" in identifier:
         from_here()
-    texts = {name: f"obs[{text}]" if isinstance(text, int) else text for name, text in (signals or {}).items()}
+    texts = {name: f"obs[{text}]" if isinstance(text, int) else text for name, text in _named(signals).items()}
     clock, screen = Clock(minutes), Progress()
 
     def note(text: str) -> None:
@@ -83,7 +89,8 @@ def solve(
     problem = Problem(identifier, formula, texts, time, terminated, keywords)
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")
-    posed = pose(problem, folder, minutes)
+    with blaming(identifier):
+        posed = pose(problem, folder, minutes, note)
     for line in posed.notes:
         note(line)
     posed.begin(minutes)
@@ -98,7 +105,8 @@ def solve(
         raise
     if not _is_delivered(folder, trained[0], confidence):
         say("certificate, counterexamples and files")
-        Delivery(posed, problem, clock, confidence, trained).write()
+        with blaming(identifier):
+            Delivery(posed, problem, clock, confidence, trained).write()
     solution = Solution.load(folder, run_code=True)  # the task is the user's own
     note(sentence(solution.certificate))
     return solution
@@ -111,13 +119,25 @@ def _folder(problem: Problem) -> Path:
     return next(folder for folder in folders if not folder.exists() or is_of(problem, folder))
 
 
+def _named(signals: Mapping[str, str | int] | None) -> Mapping[str, str | int]:
+    """The signals, checked."""
+    if not isinstance(signals or {}, Mapping):
+        raise UsageError(f'signals should be a dict, {{"theta": "atan2(y, x)"}}, got {one_line(repr(signals))}')
+    for name, text in (signals or {}).items():
+        if not isinstance(text, str | int):
+            raise UsageError(f"signal {name} should be an expression, or the number of an entry, got {one_line(text)}")
+    return signals or {}
+
+
 def _identified(environment: str | gymnasium.Env[Any, Any]) -> tuple[str, dict[str, Any]]:
     """The id by which a fresh process makes it, with what it is made with."""
     if isinstance(environment, str):
         return environment, {}
+    rule = "trainings make it anew: register it in a module, and name it 'my_module:Mine-v0'"
+    if not isinstance(environment, gymnasium.Env):
+        raise UsageError(f"environment should be an id or an environment, got {one_line(repr(environment))}; {rule}")
     spec, kind = environment.spec, type(environment.unwrapped)
     if spec is None or kind.__module__ == "__main__":
-        rule = "trainings make it anew: register it in a module, and name it 'my_module:Mine-v0'"
         raise UsageError(f"{kind.__name__} has no id by which it can be made; {rule}")
     own = spec.namespace is None and not kind.__module__.startswith("gymnasium.")
     keywords = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}

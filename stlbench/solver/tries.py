@@ -3,39 +3,81 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from stlbench import stl
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.records.result import LEARNED, Score
 from stlbench.rollout import baselines, referee
-from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.controller import Unpaid, replay
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.haste import too_fast
 from stlbench.solver import witness
+from stlbench.solver.impossible import why_impossible
+from stlbench.study.live_cells import duration
 from stlbench.task import Task
-from stlbench.task.windows import windows
 
 FEWEST = 16
 """Starts of a score, at least."""
 _MEASURED = 3.0
 """Seconds for which the speed of the simulation is measured, at most."""
+_TRIED = 110
+"""Episodes of the first tries of a slow environment: at random, of constant actions, and scores."""
+_LONG = 20.0
+"""Seconds of the first tries from which on they are announced."""
+_AGAIN = 2
+"""Starts from which an episode is played again."""
+RACE = 0.4
+"""The share of the time for the race."""
+_EPISODES, _LEAST = 20, 3000
+"""A training of fewer episodes, or of fewer steps, teaches nothing."""
+
+
+def least(task: Task) -> int:
+    """Steps of a training, at least."""
+    return max(_EPISODES * task.file.steps, _LEAST)
+
+
+def least_minutes(task: Task, each: float) -> float:
+    """Minutes that suffice for the least training, at so many seconds a step."""
+    return least(task) * each / (60 * RACE)
+
+
+def check_speed(task: Task, episode: float, minutes: float, say: Callable[[str], None]) -> None:
+    """Says if the tries will take long. Raises `UsageError` where episodes of so many seconds are too slow for the
+    minutes."""
+    each, tried = episode / task.file.steps, _TRIED * episode
+    needed = tried / 60 + least_minutes(task, each)
+    slow = f"a step of the environment takes {1000 * each:.3g} ms"
+    if needed > minutes:
+        raise UsageError(f"{minutes:g} minutes are too short: {slow}; about {needed:.2g} minutes are needed")
+    if tried > _LONG:
+        say(f"{slow}, so the first look takes about {duration(tried)}")
 
 
 def try_at_random(task: Task) -> None:
     """Raises `UsageError` where episodes of random actions end at once, or a signal never changes."""
     policy, starts = baselines.AtRandom(task), task.starts.report_and_selection()[0][:FEWEST]
     episodes = referee.record(task, Unpaid(task.specification), policy, starts)
-    if isinstance(task.dynamics, GymTask) and episodes.lasted.max() <= max(1, task.file.hold):
+    if isinstance(task.dynamics, GymTask) and episodes.lasted.max() <= max(1, task.file.hold) < task.file.steps:
         raise UsageError(f"the environment ends at once: {len(starts)} of {len(starts)} random episodes had one step")
     for place, name in enumerate(task.signals):
         samples = episodes.traces[..., place]
         if np.nanmax(samples) == np.nanmin(samples) and not _is_flag(task, name):
             value = f"{np.nanmax(samples):g} in {len(starts)} episodes of random actions"
             raise UsageError(f"signal {name} is constant, {value}; a formula is over signals that change")
+
+
+def is_repeatable(task: Task) -> bool:
+    """Whether the same starts and actions give the same episodes: an environment may ignore its seeds."""
+    starts = task.starts.report_and_selection()[0][:_AGAIN]
+    shape = len(starts), task.file.steps // task.file.hold
+    drawn = baselines.random_actions(task.actions, np.random.default_rng(0), shape[0] * shape[1])
+    actions = drawn.reshape(*shape, *drawn.shape[1:])
+    first, second = (replay(task, actions, starts).traces for _ in range(2))
+    return np.array_equal(first, second, equal_nan=True)
 
 
 def episode_seconds(task: Task) -> float:
@@ -66,10 +108,11 @@ def of_search(nearest: witness.Nearest | None) -> str:
     return f"no witness was found: {tried} reach at most {nearest.robustness:.3g}; others may satisfy"
 
 
-def notes(task: Task, found: baselines.Constants, random: Score) -> Iterator[str]:
-    for window in windows(task.formula):
-        if stl.bounds(window.psi, task.file.box, nodes=2000).high < 0:
-            yield f"impossible: '{window.psi}' holds nowhere within the ranges of the signals"
+def notes(task: Task, found: baselines.Constants, random: Score, repeatable: bool) -> Iterator[str]:
+    if not repeatable:
+        yield "the environment ignores seeds: no episode can be repeated, so no counterexample is searched"
+    if reason := why_impossible(task.formula, task.file.box):  # else it was said before the task file was written
+        yield f"impossible, if the ranges that random actions show are right: {reason}"
     action = ", ".join(f"{value:.3g}" for value in found.action)
     tried = {"the action zero": found.zero, f"the constant action {action}": found.best, "random actions": random}
     for name, score in tried.items():

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
@@ -41,15 +43,28 @@ _ENGINES = frozenset({"box2d", "box2d-py", "brax", "mujoco", "mujoco-mjx", "pybu
 """Distributions that compute motions for the libraries that need them."""
 
 
+def without_display() -> None:
+    """Tell libraries that draw that there is no display. To be called before they are imported."""
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")  # its own choice needs a display
+        os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # else SDL complains of it
+
+
 def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium") -> Gym:
     """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0", without its time limit.
 
     For the API `pettingzoo` the id is a module with `parallel_env`, as "mpe2.simple_spread_v3"; its agents act jointly.
     Raises `UsageError`: an unknown id, a library that is missing, keywords that the environment does not take.
     """
+    without_display()
+    module, _, name = identifier.rpartition(":")
     try:
         if api == "pettingzoo":
             return JointEnv(import_module(identifier).parallel_env(**keywords))
+        if module:
+            import_module(module)
+        if "/" not in name and name not in gymnasium.registry:  # else Gymnasium takes the latest version of a name
+            raise gymnasium.error.NameNotFound
         return gymnasium.make(identifier, max_episode_steps=-1, disable_env_checker=True, **keywords)
     except UsageError:
         raise
@@ -72,7 +87,8 @@ def _hint(identifier: str) -> str:
     """A similar id, as there are too many to name all."""
     if re.fullmatch(r"[a-z]\w*(\.\w+)+", identifier):
         return "; a module with parallel environments of PettingZoo is named in a task file, with `api: pettingzoo`"
-    near = get_close_matches(identifier.rpartition(":")[2], gymnasium.registry, n=1, cutoff=0.7)
+    module, colon, name = identifier.rpartition(":")
+    near = [f"{module}{colon}{each}" for each in get_close_matches(name, gymnasium.registry, n=1, cutoff=0.6)]
     return did_you_mean(near[0], near) if near else "; `gymnasium.pprint_registry()` lists all"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from math import ceil, floor, log10, prod
@@ -25,6 +26,9 @@ _STEPS, _SECONDS = 200, 0.05
 _EPISODES, _PLAYED = 20, 10_000
 """Of random actions, that show the magnitude of entries without ends; the most steps of all of them together."""
 
+_LEAST = 20
+"""Steps that are played however slow the environment is."""
+
 _KEPT = 10
 """Steps for which every other episode keeps an action: noise that changes at each step hardly moves a body."""
 
@@ -36,12 +40,13 @@ _MOST = 500
 """Entries that a draft names. Of pictures, which have thousands, none has a meaning."""
 
 
-def sketch(identifier: str, keywords: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def sketch(identifier: str, keywords: Mapping[str, Any] | None = None, seconds: float | None = None) -> dict[str, Any]:
     """The content of a `task.yaml` on an environment, with a formula that is there to be changed.
 
     Args:
         identifier: as `gymnasium.make` takes it.
         keywords: what it is made with.
+        seconds: after which no more is played, where the environment is slow.
 
     Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
     that these hardly move get a scale by the others. So do entries that leave their ends, with a warning.
@@ -52,7 +57,7 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None) -> dict[s
     """
     env = made(identifier, keywords or {})
     names, known = _entries(env.observation_space, identifier)
-    samples = _samples(identifier, env, entries_of(env.observation_space, names))
+    samples = _samples(identifier, env, entries_of(env.observation_space, names), seconds)
     known |= dict.fromkeys(samples.outside, (None, None))
     without = [name for name, pair in known.items() if None in pair]
     seen = _magnitudes(known, samples.named) if without else {}
@@ -131,11 +136,14 @@ class _Samples(NamedTuple):
     """The named entries that left the ends of their space."""
 
 
-def _samples(identifier: str, env: Gym, entries: Entries) -> _Samples:
+def _samples(identifier: str, env: Gym, entries: Entries, seconds: float | None) -> _Samples:
     """Warns of each entry that leaves its ends, at its first step."""
     observed = Observed(env.observation_space, entries, {})
     try:
-        played = [(entries.read(each, 1)[0], observed.flat(each), t) for each, _, t in _played(env, _limit(identifier))]
+        played = [
+            (entries.read(each, 1)[0], observed.flat(each), t)
+            for each, _, t in _played(env, _limit(identifier), seconds)
+        ]
         left = observed.beyond(observed.scaled(np.array([flat for _, flat, _ in played])))
     except Exception as error:  # it is code of others
         raise _unplayable(identifier, error) from error
@@ -158,7 +166,9 @@ def _magnitudes(names: Iterable[str], seen: Array) -> dict[str, float]:
     return {name: _rounded_up(max(value, floor)) for name, value in zip(names, most.tolist(), strict=True)}
 
 
-def info_ends(identifier: str, keywords: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+def info_ends(
+    identifier: str, keywords: Mapping[str, Any], seconds: float | None = None
+) -> dict[str, tuple[float, float]]:
     """The numbers in every info of the environment, name -> range, from episodes of random actions.
 
     A flag, of which only 0 and 1 were seen, lies in [0, 1], also where it was always the same. Other ranges reach to
@@ -167,7 +177,7 @@ def info_ends(identifier: str, keywords: Mapping[str, Any]) -> dict[str, tuple[f
     """
     env, infos = made(identifier, keywords), list[dict[str, float]]()
     try:
-        infos += [_numbers(info) for _, info, _ in _played(env, _limit(identifier))]
+        infos += [_numbers(info) for _, info, _ in _played(env, _limit(identifier), seconds)]
     except Exception as error:  # it is code of others
         raise _unplayable(identifier, error) from error
     always = [name for name in infos[0] if all(name in info for info in infos)]
@@ -186,9 +196,10 @@ def _range(values: list[float]) -> tuple[float, float]:
     return -most if min(values) < 0 else 0.0, most if max(values) > 0 else 0.0
 
 
-def _played(env: Gym, steps: int) -> Iterator[tuple[Any, Mapping[str, Any], int]]:
+def _played(env: Gym, steps: int, seconds: float | None) -> Iterator[tuple[Any, Mapping[str, Any], int]]:
     """Each observation with its info and its step."""
     env.action_space.seed(0)
+    count, began = 0, time.perf_counter()
     for seed in range(_EPISODES):
         yield *begun(env, seed=seed), 0
         for t in range(min(steps, _PLAYED // _EPISODES)):
@@ -196,6 +207,9 @@ def _played(env: Gym, steps: int) -> Iterator[tuple[Any, Mapping[str, Any], int]
                 action = env.action_space.sample()
             observation, _, terminated, truncated, info = stepped(env, action)
             yield observation, info, t + 1
+            count += 1
+            if seconds is not None and count >= _LEAST and time.perf_counter() - began > seconds:
+                return
             if terminated or truncated:
                 break
 

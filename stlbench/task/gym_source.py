@@ -5,8 +5,6 @@ from __future__ import annotations
 import atexit
 import json
 import math
-import os
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property, lru_cache, partial
@@ -18,7 +16,7 @@ import numpy as np
 from stlbench.contract import Array, GymTask, cause
 from stlbench.errors import UsageError
 from stlbench.task.file import Axis, Environment, TaskFile
-from stlbench.task.gym_make import Gym, failed, made, modules, software
+from stlbench.task.gym_make import Gym, failed, made, modules, software, without_display
 from stlbench.task.gym_signals import Expressions, numbers
 from stlbench.task.gym_spaces import ActionAxis, Observed, action_axes, entries_of, outside_space
 
@@ -51,8 +49,7 @@ class GymSource:
             UsageError: it cannot be made, or names, expressions, scale or actions do not fit it.
         """
         self._make, self.signals = make, tuple(texts)
-        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-            os.environ.setdefault("MUJOCO_GL", "egl")  # before it is imported: its own choice needs a display
+        without_display()
         first = make(None)
         self._modes: Sequence[str] = first.metadata.get("render_modes") or ()
         self.action_space = first.action_space

@@ -104,3 +104,8 @@ def test_names(typed: str, offered: list[str]) -> None:
 def test_the_script_for_a_shell(shell: str) -> None:
     ran = CliRunner().invoke(app, [], env={"_STLBENCH_COMPLETE": f"source_{shell}"}, prog_name="stlbench")
     assert f"_STLBENCH_COMPLETE=complete_{shell}" in ran.stdout
+
+
+def test_tab_in_python_offers_what_is_not_imported_yet() -> None:
+    look = "import stlbench; assert {*stlbench.__all__} <= {*dir(stlbench)}; assert 'solve' not in vars(stlbench)"
+    subprocess.run([sys.executable, "-c", look], check=True)

@@ -11,6 +11,7 @@ import pytest
 from helpers.hostile_results import HOSTILE
 from helpers.pages import Page, write
 from helpers.synthetic_results import by_hand, result
+from PIL import Image
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
@@ -59,7 +60,7 @@ def test_hostile_texts_are_texts(parsed: Page) -> None:
 def test_figures_are_images_without_scripts_and_say_what_they_show(parsed: Page) -> None:
     pictures = [base64.b64decode(source.removeprefix(SVG)) for source in parsed.attributes("src")]
     labels = parsed.attributes("alt", "img")
-    assert len(pictures) == len(labels) == 2 + 2 * 3 + 2
+    assert len(pictures) == len(labels) == 1 + 2 + 2 * 3 + 2
     assert not any(re.search(rb'<script|href="(?!#|data:image/png)', picture) for picture in pictures)
     assert (
         "flag (dqn, quick): why the worst start has robustness -0.5: norm(x - 2, y - 2) <= 1: margin -0.5 at step 100 "
@@ -114,3 +115,39 @@ def test_without_the_extra_a_line_says_what_to_install(tmp_path: Path, monkeypat
     monkeypatch.setattr(page, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install \"stlbench-rl\[page\]\""):
         write([result()], (), {}, tmp_path)
+
+
+def test_it_opens_with_the_verdicts_the_overview_and_the_films(tmp_path: Path) -> None:
+    made = [
+        result(method, seed, task=task, robustness=[0.1 + 0.1 * seed, 0.4])
+        for task in ("hold-disc", "reach-stay")
+        for method in ("funnel", "raw")
+        for seed in range(2)
+    ]
+    (tmp_path / "films").mkdir()
+    Image.new("P", (30, 20)).save(tmp_path / "films" / "film-small.gif")
+    (tmp_path / "films" / "film-long.gif").write_bytes((tmp_path / "films" / "film-small.gif").read_bytes())
+    with (tmp_path / "films" / "film-long.gif").open("ab") as file:
+        file.write(bytes(2_000_000))
+    found = Page(write(made, (), {}, tmp_path).read_text())
+    begin = found.text.index("Answer", found.text.index("Skip to the overview") + 100)
+    assert found.text[begin:].startswith("Answer funnel against raw: ")
+    first, film, *_ = zip(found.attributes("src"), found.attributes("alt"), strict=True)
+    assert first[1].startswith("On how many seeds each method learned each task")
+    assert (film[0][:22], film[1]) == ("data:image/gif;base64,", "film-small")
+    assert found.attributes("href", "a").count("films/film-long.gif") == 1
+
+
+def test_it_stays_small_and_says_what_it_leaves_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = [f"task-{number}" for number in range(30)]
+    made = [result(method, seed, task=task) for task in tasks for method in ("funnel", "raw") for seed in range(20)]
+    blank = base64.b64encode(bytes(90_000)).decode()
+    monkeypatch.setattr(page, "_picture", lambda label, figure: page.Picture(label, blank, (9, 9)))
+    monkeypatch.setattr(page.Drawing, "draw", lambda drawing: None)
+    path = write(made, (), {}, tmp_path)
+    assert 4e6 < path.stat().st_size < 5e6
+    found = Page(path.read_text())
+    shown = [label for label in found.attributes("alt") if label.startswith("Robustness by seed of 2 methods on")]
+    assert 20 < len(shown) < 30
+    assert "Of 1200 cells the first 5 seeds of each setting" in found.text
+    assert "Figures are left out, as the page would be too large: `stlbench report` and" in found.text

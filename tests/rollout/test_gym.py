@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import warnings
@@ -305,3 +306,16 @@ def test_stable_baselines_trains_on_it() -> None:
     env = gymnasium.make("stlbench/integrator-or-v0", method="funnel", scaled=True)
     model = DQN("MlpPolicy", env, learning_starts=10, seed=0).learn(60)
     assert env.action_space.contains(model.predict(env.reset(seed=0)[0], deterministic=True)[0])
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_a_pickle_is_made_again_the_same(vector: bool) -> None:
+    options = {"method": "funnel[variant=code]", "scaled": True}
+    name = "stlbench/reach-stay-v0"
+    env = gymnasium.make_vec(name, num_envs=2, **options) if vector else gymnasium.make(name, **options)
+    copy = pickle.loads(pickle.dumps(env))
+    for each in (env, copy):
+        each.reset(seed=3)
+    action = [7, 8] if vector else 7
+    one, other = env.step(action), copy.step(action)
+    assert data_equivalence(one, other, exact=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import warnings
@@ -184,3 +185,11 @@ def test_the_robots_of_a_grid() -> None:
     assert joint == 10
     assert grid.vectors[joint].tolist() == [*first.vectors[1], *second.vectors[4]] == [1, 4, 5]
     assert ActionGrid(grid.names, grid.axes).parts == (ActionGrid(grid.names, grid.axes),)
+
+
+def test_a_pickle_is_made_again_the_same() -> None:
+    env = parallel_env("formation", "funnel")
+    copy = pickle.loads(pickle.dumps(env))
+    one, other = (each.reset(seed=3)[0] for each in (env, copy))
+    assert [*one] == [*other]
+    assert all((one[robot] == other[robot]).all() for robot in one)

@@ -11,6 +11,7 @@ POINT = "zz_made:Point-v0"
 
 ENVIRONMENTS = '''
 """Made-up environments."""
+import time
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
@@ -42,6 +43,33 @@ class Point(gymnasium.Env):
         far = abs(float(self.p[0] - self.g[0]))
         return {"far": far, "reached": far < 0, "steady": 3.0, "name": "point"}
 
+class Unseeded(Point):
+    """Takes no seed."""
+    def reset(self):
+        return super().reset()
+
+class Failing(Point):
+    """Its motor fails after a while."""
+    taken = 0
+    def step(self, action):
+        Failing.taken += 1
+        if Failing.taken > 700:  # the first look at it has 600 steps
+            raise RuntimeError("motor is off")
+        return super().step(action)
+
+class Forgetful(Point):
+    """Ignores its seeds."""
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=None)
+
+class Sluggish(Point):
+    """A step takes 20 ms."""
+    taken = 0
+    def step(self, action):
+        Sluggish.taken += 1
+        time.sleep(0.02)
+        return super().step(action)
+
 class Word(gymnasium.Space):
     """No numbers."""
     def sample(self, mask=None, probability=None):
@@ -57,6 +85,10 @@ class Talker(Point):
 
 gymnasium.register("Talker-v0", Talker, max_episode_steps=30)
 gymnasium.register("Quitter-v0", Quitter, max_episode_steps=30)
+gymnasium.register("Unseeded-v0", Unseeded, max_episode_steps=30)
+gymnasium.register("Failing-v0", Failing, max_episode_steps=30)
+gymnasium.register("Forgetful-v0", Forgetful, max_episode_steps=30)
+gymnasium.register("Sluggish-v0", Sluggish, max_episode_steps=30)
 gymnasium.register("Point-v0", Point, max_episode_steps=30)
 '''
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import gymnasium
@@ -16,6 +17,9 @@ from stlbench.errors import UsageError
 from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
+from stlbench.solver.tries import check_speed
+from stlbench.task import load_task
+from stlbench.task.gym_sketch import sketch
 
 
 def test_each_problem_has_a_folder_of_its_own() -> None:
@@ -98,9 +102,41 @@ def test_what_is_too_fast_is_told() -> None:
 def test_what_is_trivial_or_impossible_is_told() -> None:
     trivial = pose(Problem("Pendulum-v1", "G[0,5] abs(omega) <= 8.5"), Path("out"))
     assert trivial.notes[0].partition(" %")[0] == "trivial: by the action zero 100"
-    impossible = pose(Problem("Pendulum-v1", "F[0,5] omega >= 9"), Path("other"))
-    assert impossible.notes[0] == "impossible: 'omega >= 9' holds nowhere within the ranges of the signals"
-    assert "no witness was found" in str(impossible.search(60))
+    doubtful = pose(Problem("CartPole-v1", "F[0,5] v >= 20"), Path("other"))
+    reason = "impossible, if the ranges that random actions show are right: 'v >= 20' never holds: v is from"
+    assert doubtful.notes[0].startswith(reason)
+    assert "no witness was found" in str(doubtful.search(60))
+
+
+@pytest.mark.usefixtures("made")
+def test_an_environment_that_ignores_seeds_is_told() -> None:
+    forgetful = pose(Problem("zz_made:Forgetful-v0", "F[0,9] abs(place0) <= 0.1"), Path("out"))
+    assert forgetful.notes == (
+        "the environment ignores seeds: no episode can be repeated, so no counterexample is searched",
+    )
+    assert not forgetful.state["repeatable"]
+    assert pose(Problem(POINT, "F[0,9] abs(place0) <= 0.1"), Path("other")).state["repeatable"]
+
+
+def test_a_formula_may_look_one_step_ahead() -> None:
+    assert pose(Problem("Pendulum-v1", "F[0,1] x >= 0.5"), Path("out")).task.file.steps == 1
+
+
+@pytest.mark.usefixtures("made")
+def test_a_slow_environment_is_played_for_the_seconds_alone() -> None:
+    sketch("zz_made:Sluggish-v0", {}, 0.0)
+    assert sys.modules["zz_made"].Sluggish.taken == 20
+
+
+def test_how_long_a_slow_environment_takes_is_said_before_the_first_look() -> None:
+    task, said = load_task("reach-stay"), list[str]()
+    each = task.file.steps
+    check_speed(task, 0.0001 * each, 10, said.append)
+    assert said == []
+    check_speed(task, 0.1 * each, 1000, said.append)
+    assert said == ["a step of the environment takes 100 ms, so the first look takes about 2 h 26 min"]
+    with pytest.raises(UsageError, match=r"^10 minutes are too short: a step of the environment takes 100 ms; about"):
+        check_speed(task, 0.1 * each, 10, said.append)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,10 @@ from typing import Any, cast
 import pytest
 from solver.conftest import FORMULA
 
+from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
+from stlbench.registry import plugins
 from stlbench.rollout.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, best_first, contestants
 from stlbench.solver.posed import pose
@@ -161,3 +163,12 @@ def test_methods_that_race() -> None:
     assert contestants(again, 10)[0] == Contestant("funnel", "td3")  # its schedule has no F inside of G
     assert len(contestants(again, 10)) <= 4
     assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
+
+
+def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    posed = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("out"))
+    own = {"causation": plugins.find("methods", "causation")}
+    available = plugins.available
+    monkeypatch.setattr(plugins, "available", lambda kind: own if kind == "methods" else available(kind))
+    with pytest.raises(UsageError, match=r"^no method fits the formula F\[0,20\] .*; causation: it takes G"):
+        contestants(posed.task, 3.0)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from helpers.pages import Page
 from solver.conftest import FORMULA, POINT
 from typer.testing import CliRunner
 
@@ -45,11 +49,20 @@ def say(*words: str) -> Any:
         ([POINT, "G[0,9] fra <= 1"], "no signal 'fra'; did you mean 'far'"),
         (["CartPole-v1", "G[0,600] x <= 1"], "looks 600 steps ahead, and an episode of CartPole-v1 has 500"),
         (["zz_space/Nothing-v5", FORMULA], "environment zz_space/Nothing-v5 cannot be made"),
+        (["CartPole", FORMULA], "no environment 'CartPole'; did you mean 'CartPole-v1'?"),
+        (["CartPole-v99", FORMULA], "no environment 'CartPole-v99'; did you mean 'CartPole-v1'?"),
+        (["zz_made:Quiter", "G[0,9] o0 <= 1"], "no environment 'zz_made:Quiter'; did you mean 'zz_made:Quitter-v0'?"),
+        (["zz_made:Unseeded-v0", "G[0,9] far <= 1"], "reset takes a seed and options, `def reset(self, *, seed=None"),
+        (["zz_made:Failing-v0", "G[0,9] place0 <= 1"], "Failing-v0 cannot be played: RuntimeError: motor is off"),
+        (["CartPole-v1", FORMULA, "--signal", "z=x", "--signal", "z=theta"], "--signal z is given twice: x, and theta"),
         (["zz_space/nothing"], "there is no such folder"),
         (["zz_made:Quitter-v0", "G[0,9] o0 <= 1"], "the environment ends at once"),
+        (
+            ["zz_made:Sluggish-v0", "G[0,29] place0 <= 1", "--minutes", "0.1"],
+            "0.1 minutes are too short: a step of the environment takes 2",
+        ),
         (["CartPole-v1", "F[0,20] x >= 2", "--minutes", "0.0001"], "minutes are too short"),
         (["CartPole-v1", "G[0,20] abs(thta) <= 1"], "no signal 'thta'; did you mean 'theta'"),
-        (["CartPole-v1", "G[0,20 x"], "formula: line 1, column 8"),
         (["CartPole-v1", FORMULA, "--signal", "z=obs[4]"], "the observation has obs[0] to obs[3]"),
         (["CartPole-v1", FORMULA, "--signal", "z"], "expected NAME=EXPRESSION"),
         (["CartPole-v1"], "has no formula of its own"),
@@ -65,6 +78,42 @@ def test_bad_input_is_one_line(words: list[str], problem: str) -> None:
     assert problem in error
     assert done.stderr.splitlines()[-1] == error
     assert not Path("out/certificate.json").exists()
+
+
+def test_a_formula_that_cannot_be_read_has_a_caret_below_the_place() -> None:
+    assert say("CartPole-v1", "G[0,20 x").stderr.splitlines()[-2:] == ["    G[0,20 x", "           ^"]
+    wrong = say("CartPole-v1", FORMULA, "--signal", "z=x +* 2").stderr.splitlines()
+    assert wrong[-2:] == ["    x +* 2", "       ^"]
+
+
+@pytest.mark.parametrize(
+    ("environment", "options", "problem"),
+    [
+        (
+            gymnasium.Env,
+            {},
+            r"environment should be an id or an environment, got <class 'gymnasium.core.Env'>; trainings",
+        ),
+        ("CartPole-v1", {"signals": "z=x"}, r"""signals should be a dict, {"theta": "atan2\(y, x\)"}, got 'z=x'"""),
+        (
+            "CartPole-v1",
+            {"signals": {"z": 1.5}},
+            "signal z should be an expression, or the number of an entry, got 1.5",
+        ),
+        ("CartPole-v1", {"time": "hours"}, "time: unknown 'hours'; there are: seconds, steps"),
+        ("CartPole-v1", {"terminated": "violate"}, "terminated: unknown 'violate'; did you mean 'violated'"),
+    ],
+)
+def test_bad_input_in_python(environment: Any, options: dict[str, Any], problem: str) -> None:
+    with pytest.raises(UsageError, match=problem):
+        stlbench.solve(environment, FORMULA, into="out", **options)
+
+
+def test_what_draws_does_not_complain_of_a_missing_display(tmp_path: Path) -> None:
+    look = "import gymnasium, pygame; from stlbench.task.gym_make import made; made('CartPole-v1', {}); pygame.init()"
+    env = {name: value for name, value in os.environ.items() if name not in ("XDG_RUNTIME_DIR", "DISPLAY")}
+    done = subprocess.run([sys.executable, "-c", look], env=env, capture_output=True, text=True, check=True)
+    assert "XDG_RUNTIME_DIR" not in done.stderr
 
 
 def small(environment: str, formula: str | None, **signals: str) -> None:
@@ -108,6 +157,22 @@ def test_a_whole_solution_and_the_same_call_again(monkeypatch: pytest.MonkeyPatc
         assert Path("out", name).stat().st_size > 100, name
     text = solution.report()
     assert sentence(facts) in text
+    page = Page(Path("out/page.html").read_text())
+    asked = [
+        "Answer",
+        sentence(facts),
+        "tried",
+        "environment",
+        "CartPole-v1",
+        "formula",
+        HARD,
+        "an early end",
+        "violated",
+    ]
+    places = [page.text.index(part, page.text.index("Answer Overview")) for part in asked[1:]]
+    assert places == sorted(places)
+    assert page.attributes("src")[0].startswith("data:image/gif;base64,")
+    assert page.attributes("src")[1].startswith("data:image/png;base64,")
     assert "Retrained with fresh seeds. Share of the selection starts that satisfy: seed 200" in text
     runs = re.search("```python\n(.*?)```", text, re.DOTALL)
     assert runs is not None

@@ -145,10 +145,36 @@ def write_figures(report: Report, folder: Path, load: Load, width: Width) -> lis
         of_tasks = drawings_of_tasks(report.learned, colours, load).values() if few else ()
         drawings = [
             *(drawing for several in of_tasks for drawing in several),
+            *drawings_of_overview(report.learned),
             *drawings_across(report.fields, colours),
             *drawings_of_alignment(report.aligned, load),
         ]
         return [path for drawing in drawings for path in drawing.write(folder)]
+
+
+TASKS_PER_FIGURE = 48
+"""Rows of an overview."""
+
+
+def drawings_of_overview(groups: Sequence[Group]) -> list[Drawing]:
+    """All tasks and methods at a glance; none of one task, or of one method."""
+    methods = sorted({str(group.setting.method) for group in groups})
+    if len(methods) < 2 or len({group.setting.task for group in groups}) < 2:
+        return []
+    further = [each for each in ("agent", "budget", "track") if len({getattr(g.setting, each) for g in groups}) > 1]
+    rows = dict[str, list[Group]]()
+    for group in groups:
+        name = ", ".join(str(getattr(group.setting, part)) for part in ("task", *further))
+        rows.setdefault(name, []).append(group)
+    return [
+        Drawing(
+            "overview" + end,
+            "On how many seeds each method learned each task; the overview table has the numbers",
+            ("overview", "overview"),
+            (page, methods),
+        )
+        for end, page in pages([*rows.items()], TASKS_PER_FIGURE)
+    ]
 
 
 def drawings_of_tasks(groups: Sequence[Group], colours: Colours, load: Load) -> dict[Choice, list[Drawing]]:

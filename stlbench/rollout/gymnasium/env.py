@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box, Discrete
-from gymnasium.utils import seeding
+from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -123,8 +123,11 @@ def _kind(space: Any) -> str:
     return f"a vector between {space.low.tolist()} and {space.high.tolist()}"
 
 
-class StlEnv(_Copies, gymnasium.Env[Single, Any]):
-    """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it."""
+class StlEnv(_Copies, gymnasium.Env[Single, Any], EzPickle):
+    """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it.
+
+    A pickle has how it was made, and not its episode: what is read from it has to be reset first.
+    """
 
     metadata: Info = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - declared so by Gymnasium; a copy knows its own
 
@@ -142,6 +145,7 @@ class StlEnv(_Copies, gymnasium.Env[Single, Any]):
             UsageError: no such method, or a wrong parameter; the message says what there is.
             Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
         """
+        EzPickle.__init__(self, task, method, scaled=scaled, render_mode=render_mode)
         self.observation_space, self.action_space = self._make(task, method, scaled, render_mode)
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
@@ -179,7 +183,7 @@ def _first(info: Info) -> Info:
     return {"signals": info["signals"][0], "t": int(info["t"][0])}
 
 
-class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
+class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]], EzPickle):
     """N copies in lock-step, computed at once. They share the clock, so all episodes end at the same step.
 
     They do what N copies of `StlEnv` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do, number
@@ -194,6 +198,7 @@ class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]
     def __init__(
         self, num_envs: int, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None
     ) -> None:
+        EzPickle.__init__(self, num_envs, task, method, scaled=scaled, render_mode=render_mode)
         if num_envs < 1:
             raise UsageError(f"num_envs must be at least 1, got {num_envs}")
         self.num_envs, spaces = num_envs, self._make(task, method, scaled, render_mode)

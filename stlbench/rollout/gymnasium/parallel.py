@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box, Discrete, Space
+from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid
@@ -28,7 +29,7 @@ def parallel_env(task: str, method: str, *, scaled: bool = False) -> StlParallel
     return StlParallelEnv(task, method, scaled=scaled)
 
 
-class StlParallelEnv(ParallelEnv[str, Single, Any]):
+class StlParallelEnv(ParallelEnv[str, Single, Any], EzPickle):
     """The robots of one copy of a task. All start and end together: an episode is truncated at T, never terminated."""
 
     metadata: Info = {"name": "stlbench", "render_modes": []}  # noqa: RUF012 - declared so by PettingZoo
@@ -46,6 +47,7 @@ class StlParallelEnv(ParallelEnv[str, Single, Any]):
             UsageError: no such task or method, a wrong parameter, or a task of one robot.
             Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
         """
+        EzPickle.__init__(self, task, method, scaled=scaled)
         self._env = StlEnv(task, method, scaled=scaled)
         self.task, self.method = self._env.task, self._env.method
         robots = self.task.file.robots
