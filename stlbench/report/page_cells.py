@@ -25,10 +25,10 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     rows, notes = [row for group in groups for row in group.rows], list[str]()
     if len(rows) > MOST:
         seeds = max(1, MOST // len(groups))
-        first = [row for group in groups for row in group.rows[:seeds]][:MOST]
-        which = f"first {seeds} seeds of each setting" if len(groups) <= MOST else f"first {len(first)}"
+        shown = [row for group in groups for row in group.rows[:seeds]][:MOST]
+        which = f"first {seeds} seeds of each setting" if len(groups) <= MOST else f"first {len(shown)}"
         notes.append(f"Of {len(rows)} cells the {which}; `stlbench show cell` shows any.")
-        rows = first
+        rows = shown
     notes.append(
         "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
     )
