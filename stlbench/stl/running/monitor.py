@@ -20,7 +20,8 @@ from stlbench.stl.language.structure import as_names, check_names, require_formu
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.dialect import FLOATS, SIDE, block, functions, indented
 from stlbench.stl.predicates.samples import as_array
-from stlbench.stl.running.scalar import Operator, Piece, one
+from stlbench.stl.running.nested import one
+from stlbench.stl.running.scalar import Operator, Piece
 from stlbench.stl.running.tree import Joined, Part, Tree, last_step
 
 

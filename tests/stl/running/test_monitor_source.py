@@ -15,7 +15,7 @@ from stlbench import stl
 from stlbench.stl.predicates.dialect import FLOATS
 from stlbench.stl.running import monitor as monitor_source
 from stlbench.stl.running.monitor import source
-from stlbench.stl.running.scalar import one
+from stlbench.stl.running.nested import one
 from stlbench.stl.running.tree import Tree, last_step
 
 #: ties, zeros of both signs, and what is next to them and to infinity
