@@ -240,7 +240,7 @@ class SlidingLeast:
 
 
 class Replayed(Operator):
-    """Any other formula: evaluates what is not decided at each step, traces of one age together."""
+    """Any other formula: evaluates what is not decided at each step, traces of one phase together."""
 
     def __init__(self, count: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
         self.until = Unfolding(formula, names)
@@ -251,8 +251,9 @@ class Replayed(Operator):
 
     def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Known]]:
         rows, known = np.flatnonzero(self.within(now)), list[tuple[Steps, Known]]()
-        for age in np.unique(now[rows]).tolist():
-            same = rows[now[rows] == age]
+        phases = self.until.phases(now[rows])
+        for age in np.unique(phases).tolist():
+            same = rows[phases == age]
             recent = self.samples.with_newest(samples, min(age + 1, self.until.window))[same]
             before = {node: values[same] for node, values in self.state.before.items()}
             try:

@@ -29,7 +29,9 @@ class Streamed(Operator):
         if not until.always:
             raise UnsupportedError
         spans = dict[Formula, tuple[int, int]]()
-        _reads(until.right, 0 if until.open else until.a, until.b, spans)
+        _reads(until.right, until.a, until.b, spans)
+        if until.open:
+            spans = dict.fromkeys(spans, (0, END))
         if not all(signals(part) and last == until.last for part, (_, last) in spans.items()):
             raise UnsupportedError
         self.firsts = [first for first, _ in spans.values()]

@@ -51,6 +51,7 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]
+Steps: TypeAlias = NDArray[np.int64]
 
 
 class State(NamedTuple):
@@ -121,6 +122,15 @@ class Unfolding:
             if isinstance(node, Temporal) and node.past and node.b == END
         )
         self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
+
+    def phases(self, now: Steps) -> Steps:
+        """The earliest steps (n,) that are read as the steps `now` are; traces of one phase can be read together."""
+        if self.open:
+            return np.zeros_like(now)
+        if self.ahead == END:
+            return now
+        settled = max(self.window, self.a + self.ahead)
+        return np.where((settled <= now) & (now < self.b - self.behind), settled, now)
 
     def begin(self, count: int) -> State:
         return State(np.full(count, -np.inf), np.full(count, np.inf), {})
