@@ -142,7 +142,8 @@ class Unfolding:
         """
         count, size = samples.shape[:2]
         first = now + 1 - size
-        traces = Traces(samples, "interval", size + self.behind, 0, state.before if first else {})
+        last = min(size + self.behind, self.last - first)  # no step beyond the last that counts
+        traces = Traces(samples, "interval", last, 0, state.before if first else {})
         try:
             if self.open:
                 for part in self.parts:
