@@ -64,6 +64,13 @@ def test_wide_windows_keep_what_may_still_count() -> None:
     assert (known.lower == -math.inf).all()
 
 
+def test_traces_of_different_age_are_read_together() -> None:
+    formula = stl.parse("G (x >= 0 -> F[1,4] y >= 0) & G[2,90] (x >= 0 -> O[0,3] y >= 0) & G (x >= 0 -> F y >= 0)")
+    monitor = stl.BatchMonitor(formula, NAMES, 3)
+    phases = [leaf.until.phases(np.array([40, 60, 80])).tolist() for leaf in monitor._tree.leaves]  # type: ignore[attr-defined]
+    assert all(len(set(each)) == 1 for each in phases)
+
+
 def test_earlier_answers_do_not_change() -> None:
     monitor = stl.BatchMonitor(stl.parse("F[0,3] x >= 0"), ["x"], 1)
     before = [monitor.update([[-1.0]]), monitor.update([[2.0]])]
