@@ -100,7 +100,9 @@ class Streamed(Operator):
         ends = list[str]()
         for worst in (True, False):
             ahead = [
-                streams.tail(term.psi, worst, lines) for term, _, plain in self.terms if now < term.stop and not plain
+                streams.tail(psi, worst, stop, lines)
+                for (_, stop, psi), _, plain in self.terms
+                if now < stop and not plain and not (worst and earliest(psi) >= 0)
             ]
             if not worst and self.rises:
                 ahead.append("inf")

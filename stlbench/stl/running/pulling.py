@@ -58,7 +58,7 @@ def _terms(start: int, stop: int, psi: Formula) -> list[Term]:
             # Known first for the window that ends now: its last F by this sample, the others by their own windows.
             closed = (b - a) - (d - c)
             earlier = [Historically(0, closed, Once(0, d - c, arg))] if d < END and closed > 0 else []
-            return [Term(start + b + c, END, _all([arg, *earlier]))]
+            return [Term(start + b + c, END, all_of([arg, *earlier]))]
         case And(args) if stop == END and start == 0:
             return _conjunction(args)
         case Release() if stop == END and start == 0:
@@ -74,37 +74,39 @@ def _conjunction(args: Sequence[Formula]) -> list[Term]:
     for choice in args:
         if isinstance(choice, Or) and any(_looks_ahead(each) for each in choice.args):
             others = [arg for arg in args if arg is not choice]
-            return [term for each in choice.args for term in _terms(0, END, _all([*others, each]))]
+            return [term for each in choice.args for term in _terms(0, END, all_of([*others, each]))]
     events = [arg for arg in args if isinstance(arg, Eventually | Until | Release)]
     rest = [arg for arg in args if not isinstance(arg, Eventually | Until | Release)]
     match events:
         case [Eventually(a, b, goal)]:
-            return _terms(a, END, _all([*_conjuncts(goal), *([Once(a, b, _all(rest))] if rest else [])]))
+            return _terms(a, END, all_of([*_conjuncts(goal), *([Once(a, b, all_of(rest))] if rest else [])]))
         case [Until(0, b, left, goal)] if b > 0:
-            way = Since(0, b if b == END else b - 1, left, _all([*rest, left]))
+            way = Since(0, b if b == END else b - 1, left, all_of([*rest, left]))
             begun = Once(1, 1, way)
-            return _terms(0, END, _all([*_conjuncts(goal), Or((_all(rest), begun))])) if rest else _terms(0, END, goal)
+            return (
+                _terms(0, END, all_of([*_conjuncts(goal), Or((all_of(rest), begun))])) if rest else _terms(0, END, goal)
+            )
         case [Release(0, b, left, right)] if b > 0:
-            released = _all([*_conjuncts(left), Since(0, b, right, _all([*rest, right]))])
-            held = Term(0, END, _all([*rest, Always(0, b, right)]))
+            released = all_of([*_conjuncts(left), Since(0, b, right, all_of([*rest, right]))])
+            held = Term(0, END, all_of([*rest, Always(0, b, right)]))
             return [*_terms(0, END, released), held]
         case [_, _, *_] if len(events) <= EVENTS and all(
             isinstance(each, Eventually) and (each.a, each.b) == (0, END) for each in events
         ):
             goals = [each.arg for each in events if isinstance(each, Eventually)]
-            return [term for last in _orders(rest, goals) for term in _terms(0, END, last)]
+            return [term for last in orders(rest, goals) for term in _terms(0, END, last)]
         case _:
-            return [Term(0, END, _all(args))]
+            return [Term(0, END, all_of(args))]
 
 
-def _orders(rest: Sequence[Formula], goals: Sequence[Formula]) -> list[Formula]:
+def orders(rest: Sequence[Formula], goals: Sequence[Formula]) -> list[Formula]:
     """All goals, each at or after `rest`, by which of them comes last."""
     last = []
     for i, goal in enumerate(goals):
         others = [*goals[:i], *goals[i + 1 :]]
-        before = _orders(rest, others) if others else [_all(rest)] if rest else []
+        before = orders(rest, others) if others else [all_of(rest)] if rest else []
         past = [Once(0, END, before[0] if len(before) == 1 else Or(tuple(before)))] if before else []
-        last.append(_all([*_conjuncts(goal), *past]))
+        last.append(all_of([*_conjuncts(goal), *past]))
     return last
 
 
@@ -112,7 +114,7 @@ def _conjuncts(formula: Formula) -> Sequence[Formula]:
     return formula.args if isinstance(formula, And) else (formula,)
 
 
-def _all(parts: Sequence[Formula]) -> Formula:
+def all_of(parts: Sequence[Formula]) -> Formula:
     return And(tuple(parts)) if len(parts) > 1 else parts[0]
 
 

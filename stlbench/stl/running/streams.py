@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stlbench.stl.language.structure import is_temporal, negations_inside
+from stlbench.stl.language.structure import is_temporal, negations_inside, operands_of, walk
 from stlbench.stl.language.syntax import END, Between, Connective, Formula, Not, Since, Window
 from stlbench.stl.predicates.dialect import block
 
@@ -194,23 +194,41 @@ class Streams:
 
     # --- steps to come
 
-    def tail(self, psi: Formula, worst: bool, lines: list[str]) -> str:
-        """The least (`worst`) or greatest value of psi at each step to come; its operators have no intervals."""
+    def tail(self, psi: Formula, worst: bool, stop: int, lines: list[str]) -> str:
+        """The least (`worst`) or greatest value of psi at a step to come, at most `stop`.
+
+        An operator of the past has one value at all steps to come, or its greatest one at the last: that of H[0,b] then
+        is the least since step `stop` - b.
+        """
+        if psi in self.parts:
+            return "-inf" if worst else "inf"
+        if isinstance(psi, Not):
+            return self.negative(self.tail(psi.arg, not worst, stop, lines), lines)
+        if not isinstance(psi, Connective) and any(map(_has_interval, operands_of(psi))):
+            raise UnsupportedError
+        ends = [self.tail(arg, worst, stop, lines) for arg in operands_of(psi)]
         match psi:
-            case _ if psi in self.parts:
-                return "-inf" if worst else "inf"
-            case Not(arg):
-                return self.negative(self.tail(arg, not worst, lines), lines)
             case Connective():
-                values = [self.tail(arg, worst, lines) for arg in (arg for arg, _ in psi.signed)]
-                return self.folded(values, psi.least, lines)
-            case Window(0, b, arg) if psi.past and b == END:
-                return self.folded([self.states[psi], self.tail(arg, worst, lines)], psi.least, lines)
-            case Since(0, b, left, right) if b == END:
-                kept = self.folded([self.states[psi], self.tail(left, worst, lines)], True, lines)
-                return self.folded([self.tail(right, worst, lines), kept], False, lines)
+                return self.folded(ends, psi.least, lines)
+            case Window(0, b, _) if psi.past and b == END:
+                return self.folded([self.states[psi], *ends], psi.least, lines)
+            case Window(0, b, _) if psi.past and ends == ["inf"]:
+                return self._since_step(psi, stop - b) if psi.least and stop < END else "inf"
+            case Since(0, b, _, _) if b == END:
+                return self.folded([ends[1], self.folded([self.states[psi], ends[0]], True, lines)], False, lines)
+            case Since(0) if (worst and ends == ["-inf", "-inf"]) or ends[1] == "inf":
+                return ends[1]
             case _:
                 raise UnsupportedError
+
+    def _since_step(self, psi: Window, first: int) -> str:
+        """The least value of the operand from a step on, which is the extreme of the last window."""
+        if psi not in self.states:
+            self.states[psi] = self.state("so_far", "inf")
+            arg = self.stream(psi.arg, max(0, first))
+            take = f"if {arg.value} < {self.states[psi]}: {self.states[psi]} = {arg.value}"
+            self.write(max(0, first), [take])
+        return self.states[psi]
 
     def negative(self, value: str, lines: list[str]) -> str:
         if value in ("inf", "-inf"):
@@ -285,6 +303,10 @@ def rises(psi: Formula) -> bool:
             return rises(right)
         case _:
             return True
+
+
+def _has_interval(psi: Formula) -> bool:
+    return any(isinstance(node, Window | Between) and node.b < END for node in walk(psi))
 
 
 def _steps(end: int) -> float:
