@@ -43,8 +43,9 @@ class Monitor:
     """Watches one trace for `formula`; for many traces at once see `BatchMonitor`.
 
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
-    amortised time per step and at most one window of memory, also inside !, &, | and ->. Any other nesting keeps up to
-    horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+    amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings
+    under an operator without an interval, and past operators. Any other nesting keeps up to horizon + 1 samples and
+    evaluates them anew at each step. `copy.deepcopy` forks a monitor.
 
     Attributes:
         horizon: the last step that the formula reads; `END` where an operator has no interval.
