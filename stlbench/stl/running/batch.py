@@ -252,7 +252,8 @@ class SlidingQueue:
 
     def __init__(self, count: int, width: int) -> None:
         self.width, self.now = width, 0
-        self.values, self.steps = np.empty((count, 8)), np.empty((count, 8), dtype=np.int64)
+        self.values: Floats = np.empty((count, 8))
+        self.steps: Steps = np.empty((count, 8), dtype=np.int64)
         self.first, self.after = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         self.each = np.arange(count)
 
@@ -274,7 +275,8 @@ class SlidingQueue:
         lengths = self.after - self.first
         room = np.arange(max(8, 2 * int(lengths.max()) + 2))
         kept = np.minimum(self.first[:, None] + room, self.values.shape[1] - 1)
-        self.values, self.steps = (np.take_along_axis(rows, kept, axis=1) for rows in (self.values, self.steps))
+        self.values = np.take_along_axis(self.values, kept, axis=1)
+        self.steps = np.take_along_axis(self.steps, kept, axis=1)
         self.first, self.after = np.zeros_like(self.first), lengths
 
 

@@ -151,7 +151,7 @@ def one() -> Kit[Operator]:
     def numbered(operator: Callable[..., Operator]) -> Callable[..., Operator]:
         return lambda *arguments: operator(next(numbers), *arguments)
 
-    return Kit(min, max, value_of, *map(numbered, (Until, Nested, nested)))
+    return Kit(min, max, value_of, numbered(Until), numbered(Nested), numbered(nested))
 
 
 def nested(number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> Operator:
