@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,9 @@ def functions(source: Sequence[str], namespace: Mapping[str, Any]) -> dict[str, 
     scope: dict[str, Any] = {**namespace, "__builtins__": {}}
     # Safe: every character of the source is ours. Signals are column numbers, constants reprs of floats and numbers of
     # steps, operators and functions texts of our tables; `test_compiler` and `test_monitor_source` hold it to that.
-    exec(compile("\n".join(source), "<stlbench.stl>", "exec"), scope)  # noqa: S102
+    starts = [i for i, line in enumerate(source) if line.startswith("def ")]
+    for start, end in pairwise([*starts, len(source)]):  # one at a time, which takes less memory
+        exec(compile("\n".join(source[start:end]), "<stlbench.stl>", "exec"), scope)  # noqa: S102
     return {name: value for name, value in scope.items() if name not in namespace and callable(value)}
 
 

@@ -186,6 +186,8 @@ class _Program:
         """Values (n, count) at steps 0..count-1 of all traces (n, T+1, k), chunk by chunk."""
         out, steps = np.empty((flat.shape[0], count)), flat.shape[1]
         last = steps + self.behind if end == "interval" else steps - 1
+        if not self.to_the_end and end == "interval":  # a wide window of the past costs no more than what is read
+            last = min(last, count - 1 + self.ahead)
         chunk = max(1, SAMPLES // max(1, steps))
         for start in range(0, flat.shape[0], chunk):
             samples = np.asarray(flat[start : start + chunk], dtype=np.float64)

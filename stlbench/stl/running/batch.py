@@ -194,12 +194,17 @@ class Until(Operator):
             np.maximum(self.best, np.where(before, ahead, -np.inf), out=end, where=active)
 
 
+#: samples of all traces in a window that are kept as they are: 8 MB
+WIDE = 2**20
+
+
 class Nested(Operator):
     def __init__(self, count: int, psi: Pointwise, outer: Interval, inner: Interval, flipped: bool) -> None:
         (a, c), (d, e) = outer, inner
         super().__init__(count, a + d, c + e, psi.unknown, flipped)
         self.psi, self.first, self.last = psi, a + e, c + d
-        self.window = SlidingLeast(count, e - d + 1)
+        width = e - d + 1
+        self.window = (SlidingLeast if count * width <= WIDE else SlidingQueue)(count, width)
         self.best, self.open = self.kept(-np.inf), self.kept(np.inf)
 
     def read(self, now: Steps, samples: Floats) -> Floats:
@@ -239,8 +244,44 @@ class SlidingLeast:
         return self.beginning
 
 
+class SlidingQueue:
+    """The same for wide windows, in more calls a step: keeps of each trace what may still be a minimum.
+
+    These are few, unless samples rise for a long time: of a random sequence about the logarithm of `width`.
+    """
+
+    def __init__(self, count: int, width: int) -> None:
+        self.width, self.now = width, 0
+        self.values: Floats = np.empty((count, 8))
+        self.steps: Steps = np.empty((count, 8), dtype=np.int64)
+        self.first, self.after = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        self.each = np.arange(count)
+
+    def step(self, values: Floats) -> Floats:
+        """Take (n,), return the minima of the last `width`."""
+        if self.after.max() == self.values.shape[1]:
+            self._make_room()
+        worse = np.ones(len(self.each), dtype=np.bool_)
+        while (worse := worse & (self.after > self.first) & (self.values[self.each, self.after - 1] >= values)).any():
+            self.after -= worse
+        self.values[self.each, self.after], self.steps[self.each, self.after] = values, self.now
+        self.after += 1
+        self.first += self.steps[self.each, self.first] <= self.now - self.width
+        self.now += 1
+        return np.asarray(self.values[self.each, self.first])
+
+    def _make_room(self) -> None:
+        """Move each queue to the beginning of its row; rows are at least twice as long as the longest."""
+        lengths = self.after - self.first
+        room = np.arange(max(8, 2 * int(lengths.max()) + 2))
+        kept = np.minimum(self.first[:, None] + room, self.values.shape[1] - 1)
+        self.values = np.take_along_axis(self.values, kept, axis=1)
+        self.steps = np.take_along_axis(self.steps, kept, axis=1)
+        self.first, self.after = np.zeros_like(self.first), lengths
+
+
 class Replayed(Operator):
-    """Any other formula: evaluates what is not decided at each step, traces of one age together."""
+    """Any other formula: evaluates what is not decided at each step, traces of one phase together."""
 
     def __init__(self, count: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
         self.until = Unfolding(formula, names)
@@ -251,8 +292,9 @@ class Replayed(Operator):
 
     def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Known]]:
         rows, known = np.flatnonzero(self.within(now)), list[tuple[Steps, Known]]()
-        for age in np.unique(now[rows]).tolist():
-            same = rows[now[rows] == age]
+        phases = self.until.phases(now[rows])
+        for age in np.unique(phases).tolist():
+            same = rows[phases == age]
             recent = self.samples.with_newest(samples, min(age + 1, self.until.window))[same]
             before = {node: values[same] for node, values in self.state.before.items()}
             try:

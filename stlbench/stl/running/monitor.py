@@ -6,9 +6,10 @@ function finds the span first.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from types import MethodType
 from typing import Any, NamedTuple
@@ -20,7 +21,8 @@ from stlbench.stl.language.structure import as_names, check_names, require_formu
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.dialect import FLOATS, SIDE, block, functions, indented
 from stlbench.stl.predicates.samples import as_array
-from stlbench.stl.running.scalar import Operator, Piece, one
+from stlbench.stl.running.nested import one
+from stlbench.stl.running.scalar import Operator, Piece
 from stlbench.stl.running.tree import Joined, Part, Tree, last_step
 
 
@@ -41,8 +43,9 @@ class Monitor:
     """Watches one trace for `formula`; for many traces at once see `BatchMonitor`.
 
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
-    amortised time per step and at most one window of memory, also inside !, &, | and ->. Any other nesting keeps up to
-    horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+    amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings
+    under an operator without an interval, and past operators. Any other nesting keeps up to horizon + 1 samples and
+    evaluates them anew at each step. `copy.deepcopy` forks a monitor.
 
     Attributes:
         horizon: the last step that the formula reads; `END` where an operator has no interval.
@@ -86,6 +89,12 @@ class Monitor:
 PIECES = 256
 
 
+#: most pieces of a step that are one function. A compiler needs much memory for a long one: 900 MB for 4,200 operators
+TOGETHER = 64
+#: the names of operands at a sample
+VALUES = r"\b[vw]\d+(?:_\d+)?\b"
+
+
 class State:
     """The state of one monitor; its operators add their own attributes."""
 
@@ -115,8 +124,11 @@ def source(tree: Tree[Operator], horizon: int, signals: int) -> list[str]:
     """The functions `begin` and `step` of a formula that is read up to step `horizon`."""
     answer = _answer(tree.root)
     begin = [line for leaf in tree.leaves for line in leaf.begin()]
-    spans = [*_spans(tree.leaves, horizon, signals, answer), Span(horizon + 1, horizon + 1, ["return m.answer"])]
+    helpers = list[str]()
+    spans = _spans(tree.leaves, horizon, signals, answer, helpers)
+    spans.append(Span(horizon + 1, horizon + 1, ["return m.answer"]))
     return [
+        *helpers,
         *block("def begin(m)", ["m.steps = 0", *begin, *answer]),
         *block("def step(m, sample)", ["now = m.steps", *_find(spans)]),
     ]
@@ -157,7 +169,7 @@ class Span(NamedTuple):
     lines: list[str]
 
 
-def _spans(leaves: Sequence[Operator], horizon: int, signals: int, answer: list[str]) -> list[Span]:
+def _spans(leaves: Sequence[Operator], horizon: int, signals: int, answer: list[str], helpers: list[str]) -> list[Span]:
     pieces = [leaf.pieces() for leaf in leaves]
     cuts = sorted({0} | {piece.first for each in pieces for piece in each} | {each[-1].last + 1 for each in pieces})
     every = -(-len(cuts) * len(leaves) // PIECES)
@@ -165,7 +177,8 @@ def _spans(leaves: Sequence[Operator], horizon: int, signals: int, answer: list[
     for first, after in pairwise([*(cut for cut in cuts[::every] if cut <= horizon), horizon + 1]):
         here = [piece for each in pieces for piece in each if piece.first < after and first <= piece.last]
         sample = _sample(signals, set().union(*(piece.columns for piece in here)))
-        spans.append(Span(first, after - 1, [*sample, *_span(here, first, after - 1, answer)]))
+        body = _span if len(here) <= TOGETHER else partial(_in_groups, signals, helpers)
+        spans.append(Span(first, after - 1, [*sample, *body(here, first, after - 1, answer)]))
     return spans
 
 
@@ -185,6 +198,34 @@ def _span(here: Sequence[Piece], first: int, last: int, answer: list[str]) -> li
     quiet = block(f"if {' and '.join(piece.quiet for piece in here)}", [after, "return m.answer"]) if all_quiet else []
     take = ["changed = False", *of(lambda piece: piece.take), *block("if changed", answer), "return m.answer"]
     return [*of(lambda piece: piece.read), *quiet, *of(lambda piece: piece.sign), after, *take]
+
+
+def _in_groups(
+    signals: int, helpers: list[str], here: Sequence[Piece], first: int, last: int, answer: list[str]
+) -> list[str]:
+    """The same by functions of some pieces each, which are added to the helpers: Python compiles one at a time."""
+    read, take = list[str](), list[str]()
+    unpacked = " ".join(f"x{i}," for i in range(signals))
+    for start in range(0, len(here), TOGETHER):
+        group = here[start : start + TOGETHER]
+        heads = [f"if {each.first} <= now <= {each.last}" for each in group]
+        names = sorted(set(re.findall(VALUES, repr([each.take for each in group]))))
+        values = " ".join(f"{name}," for name in names)
+        number = len(helpers)
+
+        def of(
+            part: Callable[[Piece], list[str]], heads: list[str] = heads, group: Sequence[Piece] = group
+        ) -> list[str]:
+            return [line for head, each in zip(heads, group, strict=True) for line in block(head, part(each))]
+
+        nothing = f"{' = '.join(names)} = 0.0"  # where it is not read
+        reading = [f"{unpacked} = sample", nothing, *of(lambda piece: [*piece.read, *piece.sign])]
+        helpers += block(f"def read{number}(m, now, sample)", [*reading, f"return {values}"])
+        taking = [f"{values} = values", "changed = False", *of(lambda piece: piece.take), "return changed"]
+        helpers += block(f"def take{number}(m, now, values)", taking)
+        read.append(f"v{number} = read{number}(m, now, sample)")
+        take.append(f"if take{number}(m, now, v{number}): changed = True")
+    return [*read, "m.steps = now + 1", "changed = False", *take, *block("if changed", answer), "return m.answer"]
 
 
 def _find(spans: Sequence[Span]) -> list[str]:

@@ -13,19 +13,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from itertools import count, pairwise
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import check_names, signals
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates import OfSample, Sample, Written, compile_sample, write_sample
 from stlbench.stl.predicates.dialect import block
 from stlbench.stl.recorded.evaluator import cause
-from stlbench.stl.running.tree import Interval, Kit, Leaf, Pointwise
-from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
+from stlbench.stl.running.tree import Interval, Leaf, Pointwise
 
 WRITTEN_OUT = 12  # statements of a predicate that are written into the function; a longer one is a function of its own
 
@@ -91,7 +89,7 @@ class Value(NamedTuple):
     whole: Callable[[Sample, int], float]  # of a sample and its step, for values that the source cannot work out
 
 
-def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Value:
+def value_of(psi: Formula, names: tuple[str, ...], negated: bool) -> Value:
     @cache
     def compiled() -> OfSample:
         return compile_sample(psi, names, negated)
@@ -222,47 +220,3 @@ class Nested(Operator):
         ]
         anew = "elif queue: queue.clear()"
         return [f"queue = m.queue{n}", *block(f"if {v} > m.best{n}", run), anew]
-
-
-class Replayed(Operator):
-    """Any other formula: keeps the samples that what is not decided may still read, and evaluates it at each step."""
-
-    def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
-        self.until = Unfolding(formula, names)
-        super().__init__(number, 0, self.until.last, self.until.flipped is not negated)
-        index = check_names(formula, names)
-        self.columns = {index[name] for name in signals(formula)}
-        self.namespace |= {f"begin{number}": self._begin, f"read{number}": self._read, f"take{number}": self._take}
-
-    def begin(self) -> list[str]:
-        return [f"m.samples{self.number}, m.state{self.number} = begin{self.number}()", *self.publish("-inf", "inf")]
-
-    def piece(self, first: int, last: int) -> Piece:
-        n, v = self.number, self.v
-        read = f"{v} = read{n}(m.samples{n}, m.state{n}, sample, now)"
-        state = [f"m.state{n} = {v}.state", f"take{n}(m.samples{n}, now)"]
-        bounds = self.publish(f"{v}.lower.item()", f"{v}.upper.item()")
-        return Piece(first, last, self.columns, [read], "", [], [*state, *bounds])
-
-    def _begin(self) -> tuple[Recent, State]:
-        return Recent(1, len(self.until.names)), self.until.begin(1)
-
-    def _read(self, samples: Recent, state: State, sample: Sample, now: int) -> Known:
-        newest = np.array([[value if i in self.columns else 0.0 for i, value in enumerate(sample)]])
-        try:
-            return self.until.read(samples.with_newest(newest, min(now + 1, self.until.window)), now, state)
-        except UndefinedError as error:
-            raise UndefinedError(error.what, error.sample) from None
-
-    def _take(self, samples: Recent, now: int) -> None:
-        samples.take(min(now + 1, self.until.window))
-
-
-def one() -> Kit[Operator]:
-    """The operators for one trace, numbered from 0."""
-    numbers = count()
-
-    def numbered(operator: Callable[..., Operator]) -> Callable[..., Operator]:
-        return lambda *arguments: operator(next(numbers), *arguments)
-
-    return Kit(min, max, _value, *map(numbered, (Until, Nested, Replayed)))

@@ -28,7 +28,6 @@ from stlbench.stl.language.structure import (
     negations_inside,
     operands_of,
     pointwise_parts,
-    signals,
     walk,
 )
 from stlbench.stl.language.syntax import (
@@ -40,7 +39,7 @@ from stlbench.stl.language.syntax import (
     Formula,
     Not,
     Once,
-    Predicate,
+    Or,
     Release,
     Since,
     Temporal,
@@ -49,8 +48,10 @@ from stlbench.stl.language.syntax import (
     Window,
 )
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
+from stlbench.stl.running.pulling import EVENTS, all_of, orders, varies
 
 Floats: TypeAlias = NDArray[np.float64]
+Steps: TypeAlias = NDArray[np.int64]
 
 
 class State(NamedTuple):
@@ -122,6 +123,15 @@ class Unfolding:
         )
         self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
 
+    def phases(self, now: Steps) -> Steps:
+        """The earliest steps (n,) that are read as the steps `now` are; traces of one phase can be read together."""
+        if self.open:
+            return np.zeros_like(now)
+        if self.ahead == END:
+            return now
+        settled = max(self.window, self.a + self.ahead)
+        return np.where((settled <= now) & (now < self.b - self.behind), settled, now)
+
     def begin(self, count: int) -> State:
         return State(np.full(count, -np.inf), np.full(count, np.inf), {})
 
@@ -132,7 +142,8 @@ class Unfolding:
         """
         count, size = samples.shape[:2]
         first = now + 1 - size
-        traces = Traces(samples, "interval", size + self.behind, 0, state.before if first else {})
+        last = min(size + self.behind, self.last - first)  # no step beyond the last that counts
+        traces = Traces(samples, "interval", last, 0, state.before if first else {})
         try:
             if self.open:
                 for part in self.parts:
@@ -214,8 +225,8 @@ def _as_until(formula: Formula) -> tuple[bool, tuple[int, int], Formula, Formula
 def unnested(formula: Formula) -> Formula:
     """`formula` with fewer operators without an interval inside of one, where that is exact; else as it is.
 
-    F (p & F q) is F (q & O p): q after p. F (p & (q R r)) is F (q & (r S (p & r))), whether or not q ever comes: for
-    traces that go on. G is the opposite of F.
+    F (p & F q) is F (q & O p): q, after p; of several F, by which comes last. F (p & (q R r)) is F (q & (r S (p & r))),
+    whether or not q ever comes: for traces that go on. G is the opposite of F.
     """
     try:
         match formula:
@@ -233,28 +244,19 @@ def _pulled(arg: Formula) -> Formula | None:
     parts = arg.args if isinstance(arg, And) else (arg,)
     endless = [part for part in parts if is_endless(part)]
     rest = [part for part in parts if not is_endless(part)]
+    goals = [part.arg for part in endless if isinstance(part, Eventually) and not is_endless(part.arg)]
+    if 1 < len(goals) == len(endless) <= EVENTS:
+        return Or(tuple(orders(rest, goals)))
     if len(endless) != 1:
         return None
     match endless[0]:
         case Eventually(_, b, inner) if b == END:
-            goal = And((inner, Once(0, END, _all(rest)))) if rest else inner
+            goal = And((inner, Once(0, END, all_of(rest)))) if rest else inner
             return _pulled(goal) if is_endless(inner) else goal
         case Release(_, b, left, right) if b == END and not (is_endless(left) or is_endless(right)):
-            return And((left, Since(0, END, right, _all([*rest, right])))) if _varies(left) and _varies(right) else None
+            return And((left, Since(0, END, right, all_of([*rest, right])))) if varies(left) and varies(right) else None
         case _:
             return None
-
-
-def _all(parts: list[Formula]) -> Formula:
-    return And(tuple(parts)) if len(parts) > 1 else parts[0]
-
-
-def _varies(formula: Formula) -> bool:
-    """Whether no predicate is a constant and no part looks back: then any value is possible at a step to come."""
-    constant = any(
-        isinstance(node, TrueFormula) or (isinstance(node, Predicate) and not signals(node)) for node in walk(formula)
-    )
-    return first_past(formula) is None and not constant
 
 
 def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:

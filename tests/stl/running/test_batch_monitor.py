@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
-from stlbench.stl.running.batch import SlidingLeast
+from stlbench.stl.running.batch import SlidingLeast, SlidingQueue
 from stlbench.stl.running.tree import last_step
 
 
@@ -44,13 +45,30 @@ def test_a_run_by_hand() -> None:
     assert (now.certainly.tolist(), now.possibly.tolist()) == ([True, False], [True, True])
 
 
-def test_long_windows_slide() -> None:
-    values = np.random.default_rng(0).normal(size=(400, 3))
-    sliding = SlidingLeast(3, 37)
+@pytest.mark.parametrize("kind", [SlidingLeast, SlidingQueue])
+@pytest.mark.parametrize("trend", [0.0, 0.3, -0.3])
+def test_long_windows_slide(kind: type[SlidingLeast | SlidingQueue], trend: float) -> None:
+    values = np.random.default_rng(0).normal(size=(400, 3)).round(1) + trend * np.arange(400)[:, None]
+    sliding = kind(3, 37)
     for t, row in enumerate(values):
         least = sliding.step(row)
         if t >= 36:
             np.testing.assert_array_equal(least, values[t - 36 : t + 1].min(axis=0))
+
+
+def test_wide_windows_keep_what_may_still_count() -> None:
+    monitor = stl.BatchMonitor(stl.parse("F[0,10000000] G[0,1000000] x >= 0"), ["x"], 64)
+    for samples in np.random.default_rng(0).normal(size=(300, 64, 1)):
+        known = monitor.update(samples)
+    assert len(pickle.dumps(monitor._tree.leaves[0].window)) < 1e6  # type: ignore[attr-defined]
+    assert (known.lower == -math.inf).all()
+
+
+def test_traces_of_different_age_are_read_together() -> None:
+    formula = stl.parse("G (x >= 0 -> F[1,4] y >= 0) & G[2,90] (x >= 0 -> O[0,3] y >= 0) & G (x >= 0 -> F y >= 0)")
+    monitor = stl.BatchMonitor(formula, NAMES, 3)
+    phases = [leaf.until.phases(np.array([40, 60, 80])).tolist() for leaf in monitor._tree.leaves]  # type: ignore[attr-defined]
+    assert all(len(set(each)) == 1 for each in phases)
 
 
 def test_earlier_answers_do_not_change() -> None:

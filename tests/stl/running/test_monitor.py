@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import deque
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given
 
 from stlbench import stl
 from stlbench.stl.running.tree import last_step
+from stlbench.stl.running.unfolding import Recent
 
 
 def test_a_run_by_hand() -> None:
@@ -104,10 +106,39 @@ NESTED = [
     "F[3,20] (H[1,4] x >= 0 | (O[0,2] F[0,3] y >= 2))",
     "G[0,15] (H (x >= -2 | O[2,3] y >= 0) | F[0,2] (x >= 0 S[1,3] y >= 1))",
     "H[0,3] x >= 0 & O F[0,3] y >= 0",
+    "F (F[0,2] x >= 2 & F[1,3] y >= 2)",
+]
+#: what is decided in one pass, by each rule of `pulling`
+STREAMED = [
+    "G (x >= 0 -> F[0,4] y >= 0)",
+    "G (x >= 0 -> F[2,4] (y >= 0 | x >= 1))",
+    "G F[0,6] G[0,3] x >= 0",
+    "G F[1,3] G[2,6] x >= 0",
+    "F G[2,9] F[1,3] x >= 1",
+    "G F G x >= 0",
+    "G (x >= 0 -> F (y >= 0 & O[0,3] x <= 1))",
+    "G (x >= 0 -> x >= 0 U y >= 0)",
+    "G (x >= 1 -> y >= 0 U[0,4] x <= -1)",
+    "G (x >= 0 -> !(y >= 0 U[0,4] z >= 1))",
+    "F (x >= 1 & (y >= 0 R[0,3] z >= -1))",
+    "G (x >= 0 -> O y >= 0)",
+    "G[2,9] (x >= 0 -> O (y >= 0 & H x >= -1))",
+    "G (x >= 0 -> O[2,5] y >= 0)",
+    "G[0,20] (x >= 0 -> O[0,5] y >= 0)",
+    "G[3,30] (x >= 0 & O[0,2] z >= 0 -> O[0,40] y >= 0 | H[0,4] y <= 1 & (x >= -2 S[0,3] z >= 1))",
+    "G (x >= 0 -> H[0,3] y >= -1)",
+    "G (x >= 0 S y >= 0)",
+    "G !(x >= 0 S[0,4] y >= 0)",
+    "G (z >= 2 -> (x >= 0 S[0,4] y >= 0))",
+    "F (x >= 0 & F y >= 0 & F z >= 0)",
+    "F (x >= 1 & F y >= 1 & F z >= 1 & F (x <= -1 & O y <= 0))",
+    "F (x >= 2 & F[2,5] y >= 1)",
+    "G (x >= 0 -> (F[0,3] y >= 0 & F[0,6] z >= 0))",
+    "G (sqrt(x + 3) >= 1 -> F[1,3] sqrt(y + 3) >= 1)",
 ]
 
 
-@pytest.mark.parametrize("text", NESTED)
+@pytest.mark.parametrize("text", NESTED + STREAMED)
 @pytest.mark.parametrize("seed", range(3))
 def test_nested_operators_equal_the_interval_policy(text: str, seed: int) -> None:
     """What is kept beside the samples stands for all of them: traces are longer than any operand looks."""
@@ -126,16 +157,35 @@ def test_nested_operators_equal_the_interval_policy(text: str, seed: int) -> Non
         assert now.verdict == (True if certainly else None if possibly else False)
 
 
-def kept(text: str, steps: int) -> int:
+def kept(text: str, steps: int) -> dict[str, int]:
+    """Of each part of the state that holds several values, how many."""
     monitor = stl.Monitor(stl.parse(text), NAMES)
     for sample in traces(steps, 0):
         monitor.update(sample)
-    return int(vars(monitor._state)["samples0"].rows.shape[1])
+    state = vars(monitor._state).items()
+    queues = {name: len(each) for name, each in state if isinstance(each, deque)}
+    return queues | {name: each.rows.shape[1] for name, each in state if isinstance(each, Recent)}
 
 
-@pytest.mark.parametrize("text", NESTED)
+@pytest.mark.parametrize("text", NESTED + STREAMED)
 def test_what_is_kept_does_not_grow_with_the_trace(text: str) -> None:
-    assert kept(text, 300) == kept(text, 60) <= 40
+    assert all(count <= 40 for count in kept(text, 300).values())
+
+
+@pytest.mark.parametrize("text", STREAMED)
+def test_what_one_pass_decides_is_evaluated_once(text: str) -> None:
+    assert not any(name.startswith("samples") for name in kept(text, 1))
+
+
+@pytest.mark.parametrize("text", ["G (x >= 0 -> O[0,1000000000] y >= 0)", "G[0,5] (x >= 0 -> O[0,1000000000] y >= 0)"])
+def test_a_wide_window_of_the_past_costs_what_is_in_it(text: str) -> None:
+    formula, trace = stl.parse(text), traces(5, 0)
+    narrow = stl.parse(text.replace("000000000", "0"))
+    monitor, other = stl.Monitor(formula, NAMES), stl.Monitor(narrow, NAMES)
+    for n, sample in enumerate(trace, 1):
+        assert monitor.update(sample) == other.update(sample)
+        if "G[0,5]" in text:
+            assert stl.robustness_bounds(formula, trace[:n], NAMES) == stl.robustness_bounds(narrow, trace[:n], NAMES)
 
 
 def test_what_overflows_on_the_way_counts_as_in_arrays() -> None:

@@ -15,7 +15,7 @@ from stlbench import stl
 from stlbench.stl.predicates.dialect import FLOATS
 from stlbench.stl.running import monitor as monitor_source
 from stlbench.stl.running.monitor import source
-from stlbench.stl.running.scalar import one
+from stlbench.stl.running.nested import one
 from stlbench.stl.running.tree import Tree, last_step
 
 #: ties, zeros of both signs, and what is next to them and to infinity
@@ -108,12 +108,13 @@ def test_many_operators() -> None:
 @given(formulas(LIPSCHITZ, 3, 4, endless=True))
 def test_every_word_of_the_source_is_one_of_ours(formula: stl.Formula) -> None:
     words = "def begin step m now sample if elif else not and or is while try except return True False None"
-    state = "to_numpy steps answer changed lower upper verdict queue first clear pop popleft append"
-    numbered = "x|t|v|w|whole_v|whole_w|l|u|lower|upper|best|open|queue|due|guard|samples|state|begin|read|take"
+    state = "to_numpy steps answer changed lower upper verdict queue first clear pop popleft append appendleft values"
+    numbered = "x|t|v|w|s|whole_v|whole_w|l|u|lower|upper|best|open|queue|due|guard|samples|state|begin|read|take"
+    numbered += "|line|so_far"
     ours = {*FLOATS.namespace, *monitor_source._NAMES, *words.split(), *state.split(), "checked", "state", "item"}
     text = re.sub(r"\b\d+\.\d+(e[+-]?\d+)?\b|\b\d+e[+-]?\d+\b", "", written(formula))  # reprs of floats
     for word in re.findall(r"[^\W\d]\w*", text):
-        assert word in ours or re.fullmatch(rf"({numbered})\d+", word), word
+        assert word in ours or re.fullmatch(rf"({numbered})\d+(_\d+)?", word), word
 
 
 @pytest.mark.parametrize("name", ["__import__", "sample", "x0", "m", "now", "checked", "lambda", "µ"])

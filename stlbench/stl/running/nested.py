@@ -1,0 +1,199 @@
+"""Nested and past formulas for one trace: as streams, or evaluated anew at each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import count
+
+import numpy as np
+
+from stlbench.stl.errors import FormulaLimitError, UndefinedError
+from stlbench.stl.language.expressions import Number, Signal
+from stlbench.stl.language.structure import check_names, is_temporal, operands_of, signals
+from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Since, Window
+from stlbench.stl.predicates import Sample
+from stlbench.stl.predicates.dialect import block
+from stlbench.stl.running.pulling import Term, terms
+from stlbench.stl.running.scalar import Nested, Operator, Piece, Until, value_of
+from stlbench.stl.running.streams import Stream, Streams, UnsupportedError, earliest, latest, rises
+from stlbench.stl.running.tree import Kit, Pointwise
+from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
+
+
+class Streamed(Operator):
+    """F[a,b] psi, or its opposite, as the best of some streams."""
+
+    def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
+        """Raises UnsupportedError where psi is no stream."""
+        until = Unfolding(formula, names)
+        if not until.always:
+            raise UnsupportedError
+        spans = dict[Formula, tuple[int, int]]()
+        _reads(until.right, until.a, until.b, spans)
+        if until.open:
+            spans = dict.fromkeys(spans, (0, END))
+        if not all(signals(part) and last == until.last for part, (_, last) in spans.items()):
+            raise UnsupportedError
+        self.firsts = [first for first, _ in spans.values()]
+        super().__init__(number, min(self.firsts), until.last, until.flipped is not negated)
+        self.values = [Pointwise(value_of(part, names, False), (-np.inf, np.inf)) for part in spans]
+        marks = {part: Predicate(">=", Signal(f"part{i}"), Number(0.0)) for i, part in enumerate(spans)}
+        streams = enumerate(zip(marks.values(), self.firsts, strict=True))
+        self.streams = Streams(number, {mark: Stream(f"v{number}_{i}", 0, first) for i, (mark, first) in streams})
+        self.rises = until.open
+        self.best, self.terms = f"m.best{number}", list[tuple[Term, Stream, bool]]()
+        for term in [] if until.open else terms(until.a, until.b, _marked(until.right, marks)):
+            self._add(term)
+
+    def _add(self, term: Term) -> None:
+        """Take in a disjunct; one that is never known while the trace goes on says nothing."""
+        start, stop, psi = term
+        plain = stop == END and earliest(psi) >= latest(psi) and rises(psi)
+        self.rises = self.rises or plain
+        if plain and earliest(psi) == np.inf:
+            return
+        stream = self.streams.stream(psi, start)
+        if stream.delay and not plain:
+            raise UnsupportedError
+        self.terms.append((term, stream, plain))
+        self._bounds(-1, [])  # raises where a tail is not supported
+
+    def begin(self) -> list[str]:
+        self.streams.begin = list(dict.fromkeys(self.streams.begin))
+        lines = list[str]()
+        lower, upper = self._bounds(-1, lines)
+        return [*self.streams.begin, f"{self.best} = -inf", *lines, *self.publish(lower, upper)]
+
+    def cuts(self) -> set[int]:
+        ends = {step for each in self.streams.steps for step in (each.first, each.last + 1)}
+        starts = {term.start + stream.delay for term, stream, _ in self.terms}
+        steps = ends | starts | {term.stop + more for term, _, _ in self.terms for more in (0, 1)} | set(self.firsts)
+        return {step for step in steps if step < END}
+
+    def piece(self, first: int, last: int) -> Piece:
+        columns, read = set[int](), list[str]()
+        for i, (psi, since) in enumerate(zip(self.values, self.firsts, strict=True)):
+            if since <= first:
+                of_part, read_part, sign_part = self.reading(f"v{self.number}_{i}", psi)
+                columns |= of_part
+                read += [*read_part, *sign_part]
+        take = [line for each in self.streams.steps if each.first <= first <= each.last for line in each.lines]
+        return Piece(first, last, columns, read, "", [], [*take, *self._answer(first)])
+
+    def _answer(self, now: int) -> list[str]:
+        """The best of the streams that have a value, and the bounds."""
+        values = [stream.value for (a, b, _), stream, _ in self.terms if a <= now - stream.delay <= b]
+        lines = list[str]()
+        lower, upper = self._bounds(now, lines)
+        better = [block(f"if {value} > {self.best}", [f"{self.best} = {value}"]) for value in values]
+        if lower == self.best and upper == "inf":
+            return [line for each in better for line in [*each, *(f" {line}" for line in self.publish(lower, upper))]]
+        if self.flipped:
+            lower, upper = self.streams.negative(upper, lines), self.streams.negative(lower, lines)
+        new = [f"{self.lower} = {lower}", f"{self.upper} = {upper}", "changed = True"]
+        changes = block(f"if {self.lower} != {lower} or {self.upper} != {upper}", new)
+        return [line for each in better for line in each] + lines + changes
+
+    def _bounds(self, now: int, lines: list[str]) -> tuple[str, str]:
+        """After the lines, when sample `now` has been taken."""
+        streams = self.streams
+        ends = list[str]()
+        for worst in (True, False):
+            ahead = [
+                streams.tail(psi, worst, stop, lines)
+                for (_, stop, psi), _, plain in self.terms
+                if now < stop and not plain and not (worst and earliest(psi) >= 0)
+            ]
+            if not worst and self.rises:
+                ahead.append("inf")
+            ends.append(streams.folded([self.best, *ahead], False, lines))
+        return ends[0], ends[1]
+
+
+class Replayed(Operator):
+    """Any other formula: keeps the samples that what is not decided may still read, and evaluates it at each step."""
+
+    def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
+        self.until = Unfolding(formula, names)
+        super().__init__(number, 0, self.until.last, self.until.flipped is not negated)
+        index = check_names(formula, names)
+        self.columns = {index[name] for name in signals(formula)}
+        self.namespace |= {f"begin{number}": self._begin, f"read{number}": self._read, f"take{number}": self._take}
+
+    def begin(self) -> list[str]:
+        return [f"m.samples{self.number}, m.state{self.number} = begin{self.number}()", *self.publish("-inf", "inf")]
+
+    def piece(self, first: int, last: int) -> Piece:
+        n, v = self.number, self.v
+        read = f"{v} = read{n}(m.samples{n}, m.state{n}, sample, now)"
+        state = [f"m.state{n} = {v}.state", f"take{n}(m.samples{n}, now)"]
+        bounds = self.publish(f"{v}.lower.item()", f"{v}.upper.item()")
+        return Piece(first, last, self.columns, [read], "", [], [*state, *bounds])
+
+    def _begin(self) -> tuple[Recent, State]:
+        return Recent(1, len(self.until.names)), self.until.begin(1)
+
+    def _read(self, samples: Recent, state: State, sample: Sample, now: int) -> Known:
+        newest = np.array([[value if i in self.columns else 0.0 for i, value in enumerate(sample)]])
+        try:
+            return self.until.read(samples.with_newest(newest, min(now + 1, self.until.window)), now, state)
+        except UndefinedError as error:
+            raise UndefinedError(error.what, error.sample) from None
+
+    def _take(self, samples: Recent, now: int) -> None:
+        samples.take(min(now + 1, self.until.window))
+
+
+def one() -> Kit[Operator]:
+    """The operators for one trace, numbered from 0."""
+    numbers = count()
+
+    def numbered(operator: Callable[..., Operator]) -> Callable[..., Operator]:
+        return lambda *arguments: operator(next(numbers), *arguments)
+
+    return Kit(min, max, value_of, numbered(Until), numbered(Nested), numbered(nested))
+
+
+def nested(number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> Operator:
+    """The cheaper of the two for a formula."""
+    try:
+        return Streamed(number, formula, names, negated)
+    except (UnsupportedError, FormulaLimitError):
+        return Replayed(number, formula, names, negated)
+
+
+def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]) -> None:
+    """The first and last step at which each part without temporal operators is read, for psi at the steps lo..hi."""
+    match psi:
+        case _ if not is_temporal(psi):
+            first, last = spans.get(psi, (lo, hi))
+            spans[psi] = min(lo, first), max(hi, last)
+        case Window(a, b, arg):
+            if psi.past:
+                _reads(arg, 0 if b == END else max(0, lo - b), _sum(hi, -a), spans)
+            else:
+                _reads(arg, lo + a, _sum(hi, b), spans)
+        case Between(_, 0, _, _):
+            raise UnsupportedError
+        case Since(a, b, left, right):
+            first = 0 if b == END else max(0, lo - b)
+            _reads(right, first, _sum(hi, -a), spans)
+            _reads(left, first + 1, hi, spans)
+        case Between(a, b, left, right):
+            _reads(right, lo + a, _sum(hi, b), spans)
+            _reads(left, lo, _sum(hi, b - (b < END)), spans)
+        case _:
+            for arg in operands_of(psi):
+                _reads(arg, lo, hi, spans)
+
+
+def _marked(psi: Formula, marks: dict[Formula, Predicate]) -> Formula:
+    """psi with a mark for each part without temporal operators."""
+    if not is_temporal(psi):
+        return marks[psi]
+    return psi.with_operands([_marked(arg, marks) for arg in operands_of(psi)])
+
+
+def _sum(step: int, more: int) -> int:
+    """A step and some more, or `END`."""
+    return END if END in (step, more) else step + more
