@@ -63,9 +63,9 @@ def run(
     if dry_run:
         typer.echo(_what_would_run(described))
         return
-    with interruptible(described.cells, described.results), Progress(described.results, verbose) as progress:
+    with interruptible(described.cells, described.folder), Progress(described.folder, verbose) as progress:
         cells = run_missing(described, progress)
-    report_cells({cell.id for cell in cells}, described.results, explain)
+    report_cells({cell.id for cell in cells}, described.folder, explain)
 
 
 def _what_would_run(study: Study) -> str:
