@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("stlbench", *(f"plugins/stlbench_{kind}" for kind in ("agents", "executors", "logs", "methods")))
 EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
-EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "jinja2", "dask", "distributed", "submitit")
+EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "jinja2", "dask", "distributed")
 EXTRAS += ("tensorboardX", "wandb", "shimmy", "mpe2")
 OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -37,7 +37,7 @@ def imported() -> Iterator[str]:
 
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
-    names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit", "tensorboard", "wandb")
+    names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "tensorboard", "wandb")
     names += ("dm", "minari", "parquet", "petting")
     chosen = (extras[name] for name in names)
     wanted = declared([*PROJECT["dependencies"], *(line for extra in chosen for line in extra)])

@@ -9,15 +9,15 @@ import asyncio
 import multiprocessing
 import time
 import warnings
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Generator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from stlbench.contract import Unsuitable, cause
-from stlbench_executors.elsewhere import RunElsewhere
+from stlbench.contract import Outcome, Unsuitable, cause
 from stlbench_executors.memory import share
 from stlbench_executors.supervisor import Ended, Task
-from stlbench_executors.worker import WorkerPool, WorkItems, difference, installed
+from stlbench_executors.worker import WorkerPool, WorkItems, difference, installed, outcome_of
 
 if TYPE_CHECKING:
     from distributed import Client, Future, Worker
@@ -72,6 +72,7 @@ async def leave(run: str, dask_worker: Worker) -> None:
         await asyncio.to_thread(pool.close)
 
 
+OFFERS = 2  # so often an item is begun if the worker before was lost
 CHECK_SECONDS = 1.0  # between two checks which workers there are, at least
 WARN_SECONDS = 10.0  # a user who has started no worker by then is warned
 SILENCE_SECONDS = 600.0  # an item whose worker is silent so long after the deadline has timed out
@@ -85,18 +86,32 @@ class _SentItem(NamedTuple):
     end: float  # when it has timed out, by the monotonic clock
 
 
-class DaskRun(RunElsewhere):
-    """Items that workers of Dask have, at most `most` at a time."""
+class DaskRun:
+    """Items that workers of Dask have, at most `most` at a time.
+
+    They wait, are sent, and end; or they are lost with their worker, and sent once more.
+    """
 
     def __init__(self, client: Client, run: Run, items: WorkItems, most: int, address: str) -> None:
         from distributed import as_completed
 
-        super().__init__(items)
+        self._items = items
+        self._waiting, self._left = deque(range(len(items))), set(range(len(items)))
+        self._offers = [0] * len(items)  # how often each was sent
+        self._over = deque[Outcome]()  # which nobody has taken yet
         self._client, self._run, self._most, self._address = client, run, most, address
         self._sent = dict[str, _SentItem]()
         self._free, self._refused = dict[str, int](), set[str]()
         self._completed = as_completed(loop=client.loop, with_results=True, raise_errors=False)
         self._begin, self._next_check, self._has_warned = time.monotonic(), 0.0, False
+
+    def outcomes(self) -> Generator[Outcome]:
+        while self._left:
+            self._turn()
+            while self._over:
+                yield self._over.popleft()
+            if self._left:
+                self._wait()
 
     def _turn(self) -> None:
         if time.monotonic() >= self._next_check:
@@ -119,7 +134,7 @@ class DaskRun(RunElsewhere):
             del self._free[worker]
         for sent in [sent for sent in self._sent.values() if sent.worker not in there]:
             self._forget(sent)
-            self._lose(sent.item, "worker")
+            self._lose(sent.item)
         for sent in [sent for sent in self._sent.values() if sent.end < begin]:
             self._forget(sent)
             self._end(sent.item, Ended("timeout", reason="its worker does not answer"))
@@ -203,11 +218,23 @@ class DaskRun(RunElsewhere):
         else:
             self._present()  # or the scheduler is gone, and no worker to blame
             self._free.pop(sent.worker, None)  # where it is there, it joins again
-            self._lose(sent.item, "worker")
+            self._lose(sent.item)
 
     def _forget(self, sent: _SentItem) -> None:
         del self._sent[sent.key]
         sent.future.release()
+
+    def _end(self, index: int, ended: Ended) -> None:
+        if index in self._left:  # else of a worker that was thought lost
+            self._left.remove(index)
+            self._over.append(outcome_of(index, ended))
+
+    def _lose(self, index: int) -> None:
+        """Have an item sent again, unless that has happened."""
+        if self._offers[index] < OFFERS:
+            self._waiting.appendleft(index)
+        else:
+            self._end(index, Ended("killed", reason=f"the worker that ran it was lost, {OFFERS} times"))
 
     def close(self) -> None:
         with suppress(Exception):  # the scheduler may be gone

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench.contract import LoggedCell, RunLog
 from stlbench_logs import require
 
 _SECONDS = 5
@@ -32,12 +32,6 @@ class TensorBoard(RunLog):
     def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
         """See `RunLog.begin`."""
         self._place = Path(self.folder) if self.folder else folder / "tensorboard"
-
-    def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:
-        """The few starts of a cell that runs: `live/...`; written within seconds."""
-        writer = self._writer(checkpoint.cell)
-        _add(writer, "live/satisfaction", checkpoint.satisfaction, checkpoint.steps)
-        _add(writer, "live/robustness", checkpoint.robustness, checkpoint.steps)
 
     def ended(self, cell: LoggedCell) -> None:
         """The referee's curve, `curve/...`, and its report, `report/...`; how it ended as text."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench.contract import LoggedCell, RunLog
 from stlbench_logs import require
 
 
@@ -34,11 +34,6 @@ class WandB(RunLog):
     def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
         """See `RunLog.begin`."""
         self._folder = folder
-
-    def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:
-        """The few starts of a cell that runs: `live/...`."""
-        scores = {"live/satisfaction": checkpoint.satisfaction, "live/robustness": checkpoint.robustness}
-        self._run(checkpoint.cell).log({"steps": checkpoint.steps, **_finite(scores)})
 
     def ended(self, cell: LoggedCell) -> None:
         """The referee's curve, `curve/...`, and its report as the summary."""

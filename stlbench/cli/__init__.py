@@ -21,7 +21,6 @@ class _App(Commands):
             "run": ("run.run", "Train and score methods on tasks, and compare them."),
             "plan": ("run.plan", "Plan, without training, what each reward of a task asks for."),
             "tune": ("tune.tune", "Find a recipe for each method, with equal trials."),
-            "watch": ("watch.watch", "Show what runs now, from another terminal."),
         },
         "Look": {
             "list": ("show.list_plugins", "List methods, tasks, agents, executors or logs."),

@@ -24,9 +24,8 @@ from stlbench.registry.folders import task_of
 from stlbench.report import condense, only
 from stlbench.rollout.standards import differences
 from stlbench.study.cell import Cell
-from stlbench.study.live_cells import duration
 from stlbench.study.plugin_guard import ask
-from stlbench.study.progress import Progress, Tally
+from stlbench.study.progress import Progress, Tally, duration
 from stlbench.study.run import build_executor, missing_cells, run_cells, run_missing
 from stlbench.study.solve import parse_settings, plan_alignment
 from stlbench.study.study import Study
@@ -63,9 +62,9 @@ def run(
     if dry_run:
         typer.echo(_what_would_run(described))
         return
-    with interruptible(described.cells, described.results), Progress(described.results, verbose) as progress:
+    with interruptible(described.cells, described.folder), Progress(verbose) as progress:
         cells = run_missing(described, progress)
-    report_cells({cell.id for cell in cells}, described.results, explain)
+    report_cells({cell.id for cell in cells}, described.folder, explain)
 
 
 def _what_would_run(study: Study) -> str:
@@ -158,7 +157,7 @@ def plan(
     chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
     cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
     executor, retry = build_executor(options.get("executor", "local"), options.get("jobs")), options.get("retry")
-    with interruptible(lambda: cells, results), Progress(results, verbose) as progress:
+    with interruptible(lambda: cells, results), Progress(verbose) as progress:
         run_cells(cells, results, executor, retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
     report_cells({cell.id for cell in cells}, results, explain)

@@ -36,7 +36,7 @@ class LoggedCell:
     """Of a cell that is `done`: `satisfaction` and `robustness` of the selected policy on the report starts,
     `final_satisfaction` and `final_robustness` of the last one, `cpu_seconds`, `wall_seconds`, `env_steps`."""
     curve: tuple[LoggedCheckpoint, ...] = ()
-    """All checkpoints, scored by the referee on more starts than while the cell ran."""
+    """All checkpoints."""
 
 
 class RunLog(ABC):
@@ -55,9 +55,6 @@ class RunLog(ABC):
             folder: of results. The log may write to a folder of its own there, which may have files of an earlier run.
             cells: the names of the cells that are going to run.
         """
-
-    def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:  # noqa: B027
-        """A running cell has reached a checkpoint, scored on a few starts. Quick cells leave some out."""
 
     @abstractmethod
     def ended(self, cell: LoggedCell) -> None:

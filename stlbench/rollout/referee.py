@@ -156,7 +156,7 @@ class Referee:
         return self._means(policy, self._selection)
 
     def glance(self, policy: Policy | StatePolicy) -> tuple[float, float]:
-        """As `select`, from a few of these starts: only for a user who watches a training."""
+        """As `select`, from a few of these starts, while a training goes on."""
         return self._means(policy, self._selection[:: max(1, len(self._selection) // _FEW)])
 
     def choose(self, policies: Sequence[Policy | StatePolicy], most: int | None = None) -> Race:

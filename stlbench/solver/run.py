@@ -21,8 +21,7 @@ from stlbench.solver.posed import is_of, pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
-from stlbench.study.live_cells import duration
-from stlbench.study.progress import Progress
+from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_calls import blaming
 

@@ -16,7 +16,7 @@ from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.haste import too_fast
 from stlbench.solver import witness
 from stlbench.solver.impossible import why_impossible
-from stlbench.study.live_cells import duration
+from stlbench.study.progress import duration
 from stlbench.task import Task
 
 FEWEST = 16

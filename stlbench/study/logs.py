@@ -20,12 +20,10 @@ from stlbench.records.result import Result
 from stlbench.records.rows import numbers
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.study.live_cells import running
 
 if TYPE_CHECKING:
     from stlbench.study.run import Progress
 
-_LOOK = 1.0  # seconds between two looks at what runs
 _MOST_SECONDS = 30.0  # that one call of a log may take
 _END_SECONDS = 60.0  # that logs may take after the end of a run
 _LOGGED = {
@@ -109,15 +107,13 @@ class Logged:
                     inside(path, folder)
         self._threads = [_Thread(name, log) for name, log in logs.items()]
         self._folder, self._told = folder, progress
-        self._said, self._seen = set[str](), dict[tuple[str, str], int]()
-        self._lock, self._over = threading.Lock(), threading.Event()
+        self._said = set[str]()
         self._begun = False
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        self._over.set()
         if self._begun:
             self._tell(lambda log: log.end())
         for thread in self._threads:
@@ -129,8 +125,6 @@ class Logged:
         folder, cells = self._folder.absolute(), tuple(cell.name for cell in missing)
         self._begun = True
         self._tell(lambda log: log.begin(folder, cells))
-        if missing and self._threads:
-            threading.Thread(target=self._watch, daemon=True).start()
 
     def note(self, text: str) -> None:
         self._told.note(text)
@@ -138,27 +132,8 @@ class Logged:
     def ended(self, result: Result) -> None:
         self._told.ended(result)
         cell = logged(result)
-        with self._lock:  # no checkpoint comes after the end of its cell
-            self._seen[result.id.name, result.id.budget] = -1
-            self._tell(lambda log: log.ended(cell))
+        self._tell(lambda log: log.ended(cell))
         self._faults()
-
-    def _watch(self) -> None:
-        while not self._over.wait(_LOOK):
-            for one in running(self._folder):
-                with self._lock:
-                    self._checkpoints(one.name, one.budget, one.curve)
-
-    def _checkpoints(self, name: str, budget: str, curve: Iterable[tuple[int, float, float]]) -> None:
-        """Tell of those that are new; none of a cell that has ended."""
-        seen = self._seen.get((name, budget), 0)
-        if seen < 0:
-            return
-        for steps, satisfaction, robustness in curve:
-            if steps > seen:
-                point = LoggedCheckpoint(name, steps, satisfaction, robustness)
-                self._tell(lambda log, point=point: log.checkpoint(point))  # type: ignore[misc]
-                self._seen[name, budget] = steps
 
     def _tell(self, call: Callable[[RunLog], None]) -> None:
         for thread in self._threads:

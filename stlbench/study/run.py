@@ -19,7 +19,7 @@ from stlbench.records.result import Result
 from stlbench.records.status import Status
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
-from stlbench.study import live_cells, scheduler, trial
+from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import outdated, outdated_note, run_checked
 from stlbench.study.credibility import Examiner
@@ -70,11 +70,11 @@ class _Calling(_Silent):
 
 
 @contextmanager
-def _progress(wanted: Progress | Callback | bool | None, folder: Path) -> Iterator[Progress]:
+def _progress(wanted: Progress | Callback | bool | None) -> Iterator[Progress]:
     if wanted is True:
         from stlbench.study.progress import Progress as Lines
 
-        with Lines(folder) as lines:
+        with Lines() as lines:
             yield lines
     elif isinstance(wanted, Progress):
         yield wanted
@@ -126,10 +126,10 @@ def run_study(
         UsageError: a name, a value or the file is wrong; nothing has run then.
     """
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
-    with _progress(progress, described.results) as listener:
+    with _progress(progress) as listener:
         cells = run_missing(described, listener, until)
-    with Ledger(described.results / FILE, create=False) as ledger:
-        return Results.of(ledger.results_of(cell.id for cell in cells), described.results)
+    with Ledger(described.folder / FILE, create=False) as ledger:
+        return Results.of(ledger.results_of(cell.id for cell in cells), described.folder)
 
 
 def run_missing(
@@ -138,10 +138,10 @@ def run_missing(
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
-    with Logged(logs, study.results, progress or _Silent()) as logged:
+    with Logged(logs, study.folder, progress or _Silent()) as logged:
         run_cells(
             cells,
-            study.results,
+            study.folder,
             place,
             retry=study.retry,
             attempts=study.attempts,
@@ -154,7 +154,7 @@ def run_missing(
 
 def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
     """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
-    recorded = [*stored.read(study.results)] if stored.locate(study.results) else []
+    recorded = [*stored.read(study.folder)] if stored.locate(study.folder) else []
     ended = [result for result in recorded if result.status not in study.retry]
     done = {result.id if study.keep_old else result.key for result in ended}
     return [cell for cell in cells if (cell.id if study.keep_old else cell.key) not in done], recorded
@@ -198,7 +198,6 @@ def run_cells(
         if until is not None and any(map(until, ledger.results({cell.key for cell in cells}))):
             missing = []
         ledger.plan({cell.key: cell.id for cell in cells})
-        live_cells.clear(folder)
         progress.begin([cell.id for cell in missing], done)
         for line in notes:
             progress.note(line)
@@ -212,14 +211,10 @@ def run_cells(
             Examiner(missing, place) as examined,
             closing(scheduler.run(missing, ledger, executor, work_on, provenance, examined)) as results,
         ):
-            try:
-                for result in results:
-                    live_cells.ended(folder, result.id)
-                    progress.ended(result)
-                    if until is not None and until(result):
-                        break
-            finally:
-                live_cells.clear(folder)
+            for result in results:
+                progress.ended(result)
+                if until is not None and until(result):
+                    break
         if ledger.is_meddled:
             raise UsageError(_meddled(folder / FILE, cells))
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -87,6 +88,34 @@ def read_seeds(value: Any) -> Any:
     raise ValueError(f"a count, as in 3, or seeds below {MOST_SEEDS}, as in [3, 7], are expected, got {value!r:.80}")
 
 
+class Shard(NamedTuple):
+    """One of `count` parts of a study, which run on their own, each in its own folder."""
+
+    number: int  # from 1
+    count: int
+
+    @property
+    def folder(self) -> str:
+        return f"shard-{self.number}-of-{self.count}"
+
+    def of(self, cells: Sequence[Cell]) -> tuple[Cell, ...]:
+        """Its cells, in their order. Numbers of cells in two shards differ by at most one."""
+        # In the order of the plan, each fourth cell of four methods is of the same, perhaps the slowest.
+        mixed = sorted(cells, key=lambda cell: hashlib.sha256(f"{cell.id.name} {cell.id.budget}".encode()).digest())
+        own = {cell.id for cell in mixed[self.number - 1 :: self.count]}
+        return tuple(cell for cell in cells if cell.id in own)
+
+
+def read_shard(value: Any) -> Any:
+    """K/N on the command line."""
+    if value is None or isinstance(value, Shard):
+        return value
+    said = re.fullmatch(r"\s*([0-9]{1,5})/([0-9]{1,5})\s*", value) if isinstance(value, str) else None
+    if not said or not 1 <= int(said[1]) <= int(said[2]):
+        raise ValueError(f"K/N is expected, as in 3/40, with K from 1 to N, got {value!r:.80}")
+    return Shard(int(said[1]), int(said[2]))
+
+
 @dataclass(frozen=True)
 class Option:
     """How the command line shows a field of `Study`; the field's description is the help."""
@@ -137,6 +166,9 @@ class Study(BaseModel):
         None, description="The most memory that a cell may take, as in 4G."
     )
     results: Annotated[Path, Option("DIR")] = Field(Path("results"), description="Folder of ledger, traces, tables.")
+    shard: Annotated[Shard | None, BeforeValidator(read_shard), Option("K/N", "all cells")] = Field(
+        None, description="Run part K of N only, in a folder of its own in that of results."
+    )
     executor: Annotated[Choice, BeforeValidator(read_executor), Option("NAME")] = Field(
         Choice("local"), description="Where cells run."
     )
@@ -171,13 +203,19 @@ class Study(BaseModel):
             problems = error.object.encode("ascii", "backslashreplace").decode()
         raise UsageError(f"{base}: {problems}" if isinstance(base, str | Path) else problems)
 
+    @property
+    def folder(self) -> Path:
+        """Where the results are: `results`, or that of the shard in it."""
+        return self.results if self.shard is None else self.results / self.shard.folder
+
     def cells(self) -> tuple[Cell, ...]:
         """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
         from stlbench.study.plan import plan_cells  # imports tasks, which the options of a command do without
         from stlbench.study.tracks import read_recipes
 
         recipes = None if self.recipes is None else read_recipes(self.recipes)
-        return plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes)
+        cells = plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes)
+        return cells if self.shard is None else self.shard.of(cells)
 
 
 def _meant(name: str) -> str:

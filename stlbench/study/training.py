@@ -54,7 +54,6 @@ def train(
     method: RewardMethod,
     agent: Agent,
     cell: Cell,
-    notify: Callable[[Policy | StatePolicy, int], None],
     score: Callable[[Policy | StatePolicy], tuple[float, float]],
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
@@ -72,7 +71,6 @@ def train(
         clock.pause()
         meter.check(policy, steps)
         reported.append(Checkpoint(policy, steps, clock.cpu))
-        notify(policy, steps)
         enough = patience is not None and patience.ends(*score(policy))
         late = budget.seconds is not None and clock.wall >= budget.seconds
         clock.resume()

@@ -22,7 +22,6 @@ from stlbench.rollout.observing import observation_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell
-from stlbench.study.live_cells import Notice, announce
 from stlbench.study.tracks import Recipe
 from stlbench.study.training import Checkpoint, Clock, train
 from stlbench.task import Task, build_agent, build_method
@@ -40,8 +39,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         method = build_method(task, cell.id.method)
         agent = build_agent(task, cell.id.agent)
         refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
-        notice = announce(folder, cell.id, task.budget(cell.id.budget).steps)
-        measured = measure(task, method, agent, cell, notice)
+        measured = measure(task, method, agent, cell)
     except Intractable as reason:
         return cell.ended("intractable", one_line(reason))
     except Unsuitable as reason:
@@ -72,11 +70,11 @@ def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, fo
     return replace(measured.numbers, policies=stored)
 
 
-def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, notice: Notice | None = None) -> Measured:
-    """Train, and score the selected and the final policy. `notice` is told of every checkpoint."""
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> Measured:
+    """Train, and score the selected and the final policy."""
     whole = Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = train(task, method, agent, cell, _checkpoint_notice(notice, referee), referee.glance)
+    trained = train(task, method, agent, cell, referee.glance)
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)
@@ -106,16 +104,6 @@ def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment)
         return None
     values = policy.value(assessment.states[:, 0]) if isinstance(policy, StatePolicy) else np.nan
     return Planned(agent.plans, float(np.mean(values)))
-
-
-def _checkpoint_notice(notice: Notice | None, referee: Referee) -> Callable[[Policy | StatePolicy, int], None]:
-    """Shows a checkpoint to whoever watches. It changes no result."""
-
-    def notify(policy: Policy | StatePolicy, steps: int) -> None:
-        if notice is not None:
-            notice.at(steps, partial(referee.glance, policy) if isinstance(policy, Policy) else None)
-
-    return notify
 
 
 def _choose(referee: Referee, reported: Sequence[Checkpoint]) -> tuple[Checkpoint, tuple[CurvePoint, ...]]:

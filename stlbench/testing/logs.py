@@ -34,22 +34,21 @@ def check_log(log: type[RunLog] | str, rules: Rules | None = None) -> None:
     """
     rules = rules or Rules()
     with tempfile.TemporaryDirectory() as name:
-        for rule, points, ends in _runs():
-            _play(made("logs", log), Path(name), points, ends, rule, rules)
+        for rule, cells, ends in _runs():
+            _play(made("logs", log), Path(name), cells, ends, rule, rules)
 
 
-def _runs() -> Iterator[tuple[str, Sequence[LoggedCheckpoint], Sequence[LoggedCell]]]:
-    """Rules, and the checkpoints and ends of a run that each is about."""
+def _runs() -> Iterator[tuple[str, Sequence[str], Sequence[LoggedCell]]]:
+    """Rules, and the names and the ends of cells that each is about."""
     yield "it takes a run of no cells", (), ()
-    points = [LoggedCheckpoint(cell, 1000 * i, 0.5, -0.1 * i) for i in (1, 2, 3) for cell in _CELLS[:2]]
     ends = [_done(_CELLS[0]), _done(_CELLS[1]), LoggedCell(_CELLS[2], "quick", "raised", "ValueError: no")]
-    yield "it takes checkpoints of several cells in turn, and how they ended", points, ends
-    yield "it takes the same cells again, in a second run", points, ends
+    yield "it takes several cells, and how they ended", _CELLS, ends
+    yield "it takes the same cells again, in a second run", _CELLS, ends
     odd = LoggedCheckpoint(_CELLS[0], 1000, math.nan, -math.inf)
     lost = LoggedCell(_CELLS[0], "quick", "done", "", {"robustness": math.nan, "new": 1.0}, (odd,))
-    yield "it takes numbers that are none, and others than today's", [odd], [lost]
-    yield "it takes a run that ends before its cells do", points, []
-    yield "it takes a cell of which there was no checkpoint", [], [LoggedCell(_CELLS[0], "quick", "done")]
+    yield "it takes numbers that are none, and others than today's", _CELLS[:1], [lost]
+    yield "it takes a run that ends before its cells do", _CELLS, []
+    yield "it takes a cell of which there was no checkpoint", _CELLS[:1], [LoggedCell(_CELLS[0], "quick", "done")]
 
 
 def _done(cell: str) -> LoggedCell:
@@ -60,14 +59,12 @@ def _done(cell: str) -> LoggedCell:
 def _play(
     log: RunLog,
     folder: Path,
-    points: Sequence[LoggedCheckpoint],
+    cells: Sequence[str],
     ends: Sequence[LoggedCell],
     rule: str,
     rules: Rules,
 ) -> None:
-    cells = tuple(dict.fromkeys([*(point.cell for point in points), *(end.cell for end in ends)]))
-    calls: list[Callable[[], None]] = [partial(log.begin, folder, cells)]
-    calls += [partial(log.checkpoint, point) for point in points]
+    calls: list[Callable[[], None]] = [partial(log.begin, folder, tuple(cells))]
     calls += [partial(log.ended, end) for end in ends]
     longest = 0.0
     for call in [*calls, log.end]:

@@ -190,7 +190,7 @@ def test_no_command_writes_through_a_link(evil: Callable[[str], Path], tmp_path:
 def test_nor_into_a_folder_that_is_a_link(evil: Callable[[str], Path], tmp_path: Path) -> None:
     folder, outside = evil("no"), tmp_path / "outside"
     outside.mkdir()
-    for name in ("figures", "export", "films", "falsified", "logs", "running", "traces", "policies"):
+    for name in ("figures", "export", "films", "falsified", "logs", "traces", "policies"):
         if (folder / name).is_dir():
             shutil.copytree(folder / name, outside, dirs_exist_ok=True)
             shutil.rmtree(folder / name)
@@ -202,7 +202,7 @@ def test_nor_into_a_folder_that_is_a_link(evil: Callable[[str], Path], tmp_path:
         assert sorted(path.name for path in outside.iterdir()) == before, command
 
 
-@pytest.mark.parametrize("name", ["running", "traces", "policies", "logs", ".lock", FILE])
+@pytest.mark.parametrize("name", ["traces", "policies", "logs", ".lock", FILE])
 def test_a_run_neither_writes_nor_deletes_behind_a_link(toy: Path, say: Callable, tmp_path: Path, name: str) -> None:
     outside, results = tmp_path / "outside", tmp_path / "hostile"
     results.mkdir()
@@ -238,7 +238,7 @@ def test_nor_does_a_log(toy: Path, say: Callable, tmp_path: Path, name: str) -> 
 def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(evil: Callable[[str], Path]) -> None:
     folder = evil("no")
     (folder / ".lock").unlink(missing_ok=True)
-    for name in (".lock", "running/a.json", "report.md", "cells.jsonl"):
+    for name in (".lock", "report.md", "cells.jsonl"):
         os.mkfifo(folder / name)
-    for command in ("watch DIR --once", "verify DIR", "report DIR", "export DIR --format jsonl", "verify DIR --repair"):
+    for command in ("verify DIR", "report DIR", "export DIR --format jsonl", "verify DIR --repair"):
         told(command, folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
 import re
 from pathlib import Path
@@ -46,6 +47,34 @@ def test_a_study_in_a_file_runs_and_options_go_before_it(say, study):
     assert say("run", study, "--methods", "toy-raw[weight=2]", "--seeds", "3,4", "--results", "other").exit_code == 0
     found = [(row["method"], row["seed"]) for row in rows("other/cells.csv")]
     assert found == [("toy-raw[weight=2]", "3"), ("toy-raw[weight=2]", "4")]
+
+
+def test_shards_merge_into_what_one_run_gives_and_a_killed_one_goes_on(say, study, monkeypatch):
+    toy_agents = importlib.import_module("toy_plugins.agents")
+    words = ("run", study, "--methods", "toy-raw,toy-raw[weight=2]", "--seeds", "3")
+    assert say(*words, "--results", "whole").exit_code == 0
+    say(*words, "--results", "warm-up")
+    monkeypatch.setattr(toy_agents, "interrupt_after", 3)
+    assert say(*words, "--shard", "1/2").exit_code == 130
+    monkeypatch.setattr(toy_agents, "interrupt_after", None)
+    again = say(*words, "--shard", "1/2")
+    assert (again.exit_code, again.stderr.splitlines()[0]) == (0, "3 cells, 1 of them done before")
+    assert "nothing would run: all 3 cells" in say(*words, "--shard", "1/2", "--dry-run").stdout
+    assert say(*words, "--shard", "2/2").exit_code == 0
+    merged = say("results", "merge", "results", "results/shard-1-of-2", "results/shard-2-of-2")
+    assert merged.stdout.count("3 new, 0 better") == 2
+    done = say(*words)
+    assert done.stderr.splitlines()[0] == "6 cells, 6 of them done before"
+    same = ("method", "seed", "status", "robustness_mean")
+    assert [[row[name] for name in same] for row in rows("results/cells.csv")] == [
+        [row[name] for name in same] for row in rows("whole/cells.csv")
+    ]
+
+
+def test_a_shard_without_cells_is_no_error_and_one_out_of_range_is(say, study):
+    assert say("run", study, "--methods", "toy-raw", "--shard", "2/2").exit_code == 0
+    said = refused(say("run", study, "--shard", "3/2"))
+    assert said == "error: study.yaml: shard: K/N is expected, as in 3/40, with K from 1 to N, got '3/2'"
 
 
 def test_a_file_with_errors_is_one_line(say, study):

@@ -28,7 +28,7 @@ NOT_RUN = {
 
 INSTEAD = {
     "dask[address=tcp://login1:8786]": ("local", "a cluster's address; tests/executors run dask"),
-    "submitit[cells_per_job=10,partition=short]": ("local", "a cluster's queue; tests/executors run submitit"),
+    "study/shard-*": ("results", "names that a shell finds; tests/cli/test_results_cli.py merges shards"),
     ",wandb[project=funnels,mode=offline]": ("", "another library, which is not among those of the tests"),
     "--format mp4": ("--format webp", "needs the program ffmpeg"),
     "lunar-lander model.zip": ("lunar-lander lander.zip", "another model than that for hold-disc"),

@@ -47,13 +47,10 @@ def test_tensorboard_reads_curves_and_scores(tmp_path: Path) -> None:
 
     log = TensorBoard()
     log.begin(tmp_path, (CELL,))
-    log.checkpoint(LoggedCheckpoint(CELL, 1000, 0.5, -0.25))
     curve = (LoggedCheckpoint(CELL, 1000, 0.25, -0.5), LoggedCheckpoint(CELL, 2000, 1.0, float("nan")))
     log.ended(LoggedCell(CELL, "quick", "done", "", {"robustness": 0.375}, curve))
     log.end()
     assert read(tmp_path / "tensorboard" / CELL) == {
-        "live/satisfaction": [(1000, 0.5)],
-        "live/robustness": [(1000, -0.25)],
         "curve/satisfaction": [(1000, 0.25), (2000, 1.0)],
         "curve/robustness": [(1000, -0.5)],
         "report/robustness": [(0, 0.375)],

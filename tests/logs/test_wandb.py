@@ -61,16 +61,24 @@ def test_a_cell_is_a_run(tmp_path: Path, runs: list[Run]) -> None:
 
     log = WandB(project="funnels", mode="offline")
     log.begin(tmp_path / "study", (CELL,))
-    log.checkpoint(LoggedCheckpoint(CELL, 1000, 0.5, float("nan")))
-    log.ended(LoggedCell(CELL, "quick", "done", "", {"robustness": 0.3}, (LoggedCheckpoint(CELL, 1000, 1.0, 0.2),)))
+    log.ended(
+        LoggedCell(
+            CELL,
+            "quick",
+            "done",
+            "",
+            {"robustness": 0.3},
+            (LoggedCheckpoint(CELL, 1000, 1.0, 0.2), LoggedCheckpoint(CELL, 2000, 1.0, float("nan"))),
+        )
+    )
     log.end()
     (run,) = runs
     said = {key: run.words[key] for key in ("project", "group", "name", "mode", "entity")}
     assert said == {"project": "funnels", "group": "study", "name": CELL, "mode": "offline", "entity": None}
     assert run.metric == ("*", "steps")
     assert run.rows == [
-        {"steps": 1000, "live/satisfaction": 0.5},
         {"steps": 1000, "curve/satisfaction": 1.0, "curve/robustness": 0.2},
+        {"steps": 2000, "curve/satisfaction": 1.0},
     ]
     assert run.summary == {"status": "done", "reason": "", "robustness": 0.3}
     parts = {"task": "hold-disc", "method": "funnel", "agent": "dqn", "seed": "0", "track": "tuned"}

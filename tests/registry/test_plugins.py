@@ -53,7 +53,7 @@ def test_a_plugin_is_loaded_described_and_built(site):
         plugins.build("methods", parse_choice("zz-one[ginf=x]"), "spec")
 
 
-@pytest.mark.parametrize(("word", "meant"), [("slurm", "submitit"), ("Dask", "dask"), ("locl", "local")])
+@pytest.mark.parametrize(("word", "meant"), [("Dask", "dask"), ("locl", "local")])
 def test_an_executor_is_found_by_what_it_runs_on(word, meant):
     with pytest.raises(UsageError, match=f"^no executor '{word}'; did you mean '{meant}'\\?$"):
         plugins.find("executors", word)

@@ -7,15 +7,13 @@ from pathlib import Path
 
 import pytest
 from helpers.synthetic_results import result
-from helpers.waiting import wait_for
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench.contract import LoggedCell, RunLog
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import parse_choice
-from stlbench.study import live_cells, logs
-from stlbench.study.live_cells import announce
+from stlbench.study import logs
 from stlbench.study.logs import Logged, build_logs, logged
 from stlbench.study.run import run_missing
 from stlbench.study.study import Study
@@ -29,9 +27,6 @@ class Recorded(RunLog):
 
     def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
         self.said.append(cells)
-
-    def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:
-        self.said.append(checkpoint)
 
     def ended(self, cell: LoggedCell) -> None:
         self.said.append((cell.cell, cell.status))
@@ -58,22 +53,12 @@ class Told:
 CELL = CellId.parse("hold-disc/funnel/dqn/0", "quick")
 
 
-def test_a_log_is_told_of_the_run_its_checkpoints_and_its_cells(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in (("_SECONDS", 0.0), ("_SHARE", 1.0)):
-        monkeypatch.setattr(live_cells, name, value)
-    monkeypatch.setattr(logs, "_LOOK", 0.02)
+def test_a_log_is_told_of_the_run_and_its_cells(tmp_path: Path) -> None:
     log, told = Recorded(), Told()
     with Logged({"recorded": log}, tmp_path, told) as progress:
         progress.begin([CELL], 0)
-        notice = announce(tmp_path, CELL, 4000)
-        for steps in (1000, 2000):
-            notice.at(steps, lambda: (0.5, -0.25))
-            wait_for(lambda steps=steps: any(getattr(each, "steps", 0) == steps for each in log.said))
         progress.ended(result())
-    points = [LoggedCheckpoint(CELL.name, steps, 0.5, -0.25) for steps in (1000, 2000)]
-    assert log.said == [(CELL.name,), *points, (CELL.name, "done"), "end"]
+    assert log.said == [(CELL.name,), (CELL.name, "done"), "end"]
     assert told.notes == []
     assert len(told.results) == 1
 

@@ -8,7 +8,7 @@ import pytest
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.study.study import Study, parse_seeds
+from stlbench.study.study import Shard, Study, parse_seeds
 
 
 def test_python_values_and_texts_say_the_same():
@@ -39,6 +39,38 @@ def test_what_is_left_out():
     study = Study.of({"tasks": "a", "methods": "b"})
     assert (study.agents, study.budget, study.jobs, study.retry) == (None, "quick", None, ())
     assert (study.results, study.executor) == (Path("results"), Choice("local"))
+
+
+@pytest.fixture(scope="module")
+def planned():
+    """Two tasks, four methods and five seeds."""
+    return Study.of({"tasks": "hold-disc,overlap", "methods": "funnel,flag,raw,tltl", "seeds": "5"}).cells()
+
+
+@pytest.mark.parametrize("count", [1, 4, 7, 60])
+def test_shards_are_equal_parts_of_the_plan(planned, count):
+    parts = [Shard(number, count).of(planned) for number in range(1, count + 1)]
+    assert sorted(cell.id for part in parts for cell in part) == sorted(cell.id for cell in planned)
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+    assert all([cell for cell in planned if cell in part] == list(part) for part in parts)
+    assert [Shard(number, count).of(planned[::-1])[::-1] for number in range(1, count + 1)] == parts
+
+
+def test_no_shard_gets_one_method_alone(planned):
+    """Four methods, in four shards: an order of the plan would give each shard one."""
+    assert all(len({cell.id.method for cell in Shard(number, 4).of(planned)}) >= 3 for number in (1, 2, 3, 4))
+
+
+def test_a_shard_has_a_folder_of_its_own():
+    study = Study.of({"tasks": "hold-disc", "methods": "raw,flag", "seeds": 2, "shard": " 2/3", "results": "here"})
+    assert (study.folder, study.results) == (Path("here/shard-2-of-3"), Path("here"))
+    assert study.cells() == Shard(2, 3).of(Study.of({"shard": None}, study).cells())
+
+
+@pytest.mark.parametrize("text", ["0/4", "5/4", "3", "3/", "1/0", "-1/4", "1/4/2", "a/b", 3, "1.5/4", "²/4"])
+def test_shards_that_mean_nothing(text):
+    with pytest.raises(UsageError, match=r"^shard: K/N is expected, as in 3/40, with K from 1 to N, got "):
+        Study.of({"tasks": "a", "methods": "b", "shard": text})
 
 
 def test_options_go_before_the_file(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench.contract import LoggedCell, RunLog
 from stlbench.testing import Rules, check_log
 
 
@@ -28,8 +28,8 @@ class NoCells(Quiet):
 
 
 class NoNumbers(Quiet):
-    def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:
-        int(checkpoint.robustness)
+    def ended(self, cell: LoggedCell) -> None:
+        int(cell.numbers.get("robustness", 0))
 
 
 class Once(Quiet):
