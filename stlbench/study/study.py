@@ -89,20 +89,20 @@ def read_seeds(value: Any) -> Any:
 
 
 class Shard(NamedTuple):
-    """One of `count` parts of a study, which run on their own, each in its own folder."""
+    """One of `shards` parts of a study, which run on their own, each in its own folder."""
 
     number: int  # from 1
-    count: int
+    shards: int
 
     @property
     def folder(self) -> str:
-        return f"shard-{self.number}-of-{self.count}"
+        return f"shard-{self.number}-of-{self.shards}"
 
     def of(self, cells: Sequence[Cell]) -> tuple[Cell, ...]:
         """Its cells, in their order. Numbers of cells in two shards differ by at most one."""
         # In the order of the plan, each fourth cell of four methods is of the same, perhaps the slowest.
         mixed = sorted(cells, key=lambda cell: hashlib.sha256(f"{cell.id.name} {cell.id.budget}".encode()).digest())
-        own = {cell.id for cell in mixed[self.number - 1 :: self.count]}
+        own = {cell.id for cell in mixed[self.number - 1 :: self.shards]}
         return tuple(cell for cell in cells if cell.id in own)
 
 
