@@ -52,6 +52,7 @@ def test_what_results_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> None:
         "rewarded": "f",
         "nested": None,
         "schedule": None,
+        "warning": None,
         "fit": [row],
         "do_not_fit": [],
     }

@@ -47,11 +47,12 @@ class Steps(Walk):
         return observation, reward, done, info
 
 
-RESET, STEP = (
+RESET, SEEDED, STEP = (
     "^the environment's reset returns an observation and an info[,;] .*",
+    "^the environment's reset takes a seed and options, .*",
     "^the environment's step returns observation, reward, terminated, truncated, info[,;] .*",
 )
-OLD = [(Resets, RESET), (Takes, RESET), (Steps, STEP)]
+OLD = [(Resets, RESET), (Takes, SEEDED), (Steps, STEP)]
 
 
 @pytest.mark.parametrize(("kind", "said"), OLD)
