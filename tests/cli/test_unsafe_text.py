@@ -74,7 +74,6 @@ COMMANDS = (
     "show cell hold-disc/raw/dqn/3 evil",
     "show cell hold-disc/raw/dqn/3 evil --json",
     "show cell hold-disc/mine/dqn/0 evil",
-    "watch evil --once",
     "verify evil",
     "results merge new evil",
     "report new --explain",
