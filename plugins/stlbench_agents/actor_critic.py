@@ -14,7 +14,7 @@ import numpy as np
 from stlbench_agents.kernels import compiled, flattened, inner_products, part
 from stlbench_agents.layers import PassBuffers, back_hidden, back_outputs, hidden, layout, outputs, size_of, zeros
 from stlbench_agents.plain_kernels import Floats, Indices
-from stlbench_agents.replay import Batch
+from stlbench_agents.replay import Batch, bounded_target
 
 
 class Networks(NamedTuple):
@@ -94,10 +94,7 @@ def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into:
 def targets(
     actor: Floats, critics: Floats, networks: Networks, batch: Batch, noise: Noise, buffers: TD3Buffers
 ) -> None:  # fmt: skip
-    """The return and, discounted, the lesser of the target critics at the noisy target action, in `buffers.goal`.
-
-    Kept within the bounds of the rewards that were seen: without that, values of states never visited run away.
-    """
+    """The return and, discounted, the lesser of the target critics at the noisy target action, in `buffers.goal`."""
     rows, axes = len(batch.returns), batch.action.shape[1]
     if len(buffers.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")
@@ -115,8 +112,7 @@ def targets(
         for i in range(rows):
             buffers.goal[i] = buffers.value[i] if which == 0 else min(buffers.goal[i], buffers.value[i])
     for i in range(rows):
-        goal = batch.returns[i] + batch.discount[i] * buffers.goal[i]
-        buffers.goal[i] = min(batch.bounds[1], max(batch.bounds[0], goal))
+        buffers.goal[i] = bounded_target(batch, i, buffers.goal[i])
 
 
 @compiled

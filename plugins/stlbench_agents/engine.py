@@ -26,7 +26,7 @@ from stlbench_agents.layers import (
     zeros,
 )
 from stlbench_agents.plain_kernels import Floats, Indices
-from stlbench_agents.replay import Batch
+from stlbench_agents.replay import Batch, bounded_target
 
 
 class Network(NamedTuple):
@@ -131,8 +131,7 @@ def joint_gradient(
             value = _single(target, layers, later, i, buffers.chosen[i])
         else:
             value = buffers.outputs[i * layers[-1, 1] + _greedy(buffers.outputs, i * layers[-1, 1], network)]
-        goal = batch.returns[i] + batch.discount[i] * value
-        buffers.goal[i] = min(batch.bounds[1], max(batch.bounds[0], goal))
+        buffers.goal[i] = bounded_target(batch, i, value)
     x = flattened(batch.observation)
     hidden(online, layers, x, rows, passes.forward)
     _back_joint(online, layers, passes.forward[-1], batch.action, rows, buffers, into)
@@ -151,8 +150,7 @@ def additive_gradient(
         begin = i * layers[-1, 1]
         chosen = buffers.chosen[i] if double else _greedy(buffers.outputs, begin, network)
         value = _additive(buffers.outputs, begin, chosen, network.axes, buffers.ones)
-        goal = batch.returns[i] + batch.discount[i] * value
-        buffers.goal[i] = min(batch.bounds[1], max(batch.bounds[0], goal))
+        buffers.goal[i] = bounded_target(batch, i, value)
     x = flattened(batch.observation)
     hidden(online, layers, x, rows, passes.forward)
     _back_additive(online, network, passes.forward[-1], batch.action, rows, buffers, into)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Event, Integers, Transition
-from stlbench_agents.kernels import compiled, flattened
+from stlbench_agents.kernels import compiled, flattened, inlined
 from stlbench_agents.layers import zeros
 
 Single = NDArray[np.float32]
@@ -31,6 +31,15 @@ class Batch(NamedTuple):
     def of(rows: int, size: int, axes: int = 0) -> Batch:
         wide = (rows, size)
         return Batch(zeros(wide), _actions(rows, axes), *(zeros(part) for part in (rows, wide, rows, 2)))
+
+
+@inlined
+def bounded_target(batch: Batch, row: int, value: Any) -> Any:
+    """The target of a row with this value to bootstrap from, kept within the bounds of values.
+
+    Without bounds, values of states that were never visited run away.
+    """
+    return min(batch.bounds[1], max(batch.bounds[0], batch.returns[row] + batch.discount[row] * value))
 
 
 class Memory(NamedTuple):

@@ -114,6 +114,11 @@ def random_actions(actions: Actions, generator: np.random.Generator, count: int)
     return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
 
+def in_pieces(steps: int, count: int) -> Integers:
+    """For each of some steps, which of `count` pieces of about the same length it is in: (steps,)."""
+    return np.arange(steps) * count // steps
+
+
 def held_at_random(actions: Actions, generator: np.random.Generator, copies: int, pieces: int) -> Integers | Array:
     """Sequences of random actions, some of which stay the same for several pieces or for all.
 
@@ -123,7 +128,7 @@ def held_at_random(actions: Actions, generator: np.random.Generator, copies: int
     def sequences() -> Iterator[Integers | Array]:
         for different in cycle((*_DIFFERENT, pieces)):
             count = min(different, pieces)
-            yield random_actions(actions, generator, count)[np.arange(pieces) * count // pieces]
+            yield random_actions(actions, generator, count)[in_pieces(pieces, count)]
 
     found: list[Any] = list(islice(sequences(), copies))
     stacked: Integers | Array = np.stack(found)

@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.baselines import held_at_random
+from stlbench.rollout.baselines import held_at_random, in_pieces
 from stlbench.rollout.controller import replay
 from stlbench.rollout.rewrites import alternatives, regions
 from stlbench.schedules.derive import UnscheduledError
@@ -46,9 +46,9 @@ def too_fast(task: Task) -> str | None:
     if not far:
         return None
     actions = _held(task)
-    when = np.arange(_decisions(task)) * actions.shape[1] // _decisions(task)
+    held = actions[:, in_pieces(_decisions(task), actions.shape[1])]
     begun = task.starts.report_and_selection()[0]
-    traces = replay(task, actions[:, when], begun[np.arange(_COPIES) % len(begun)]).traces
+    traces = replay(task, held, begun[np.arange(_COPIES) % len(begun)]).traces
     missing = dict[tuple[Term | None, Term], float]()
     for first, second in far:
         given = _last(second) - (0 if first is None else first.start + first.length - 1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.baselines import held_at_random, random_actions
+from stlbench.rollout.baselines import held_at_random, in_pieces, random_actions
 from stlbench.rollout.controller import replay
 from stlbench.rollout.early_ends import judge
 from stlbench.task import Task
@@ -45,9 +45,10 @@ def search(task: Task, seconds: float, seed: int = 0) -> Nearest:
     """Search from the report's first start for about so many seconds, at least one generation; until a witness."""
     began, generator = time.perf_counter(), np.random.default_rng(seed)
     decisions = task.file.steps // task.file.hold
-    when = np.arange(decisions) * min(_PIECES, decisions) // decisions
+    pieces = min(_PIECES, decisions)
+    when = in_pieces(decisions, pieces)
     start = np.repeat(task.starts.report_and_selection()[0][:1], COPIES, axis=0)
-    pool = held_at_random(task.actions, generator, COPIES, when[-1] + 1)
+    pool = held_at_random(task.actions, generator, COPIES, pieces)
     best, scores, episodes = pool[:0], np.empty((0, 2)), 0
     while True:
         played = replay(task, pool[:, when], start)
