@@ -184,7 +184,7 @@ _ALL_DEALS = 200_000
 """Up to so many deals are all computed: up to 10 seeds against 10. Otherwise as many as fit into `_HELD` are drawn."""
 _HELD = 4_000_000  # numbers that the drawn deals have together
 _FLOOR, _TIE = 1e-9, 1e-5
-"""The least variance, where the spread of all values is 1; statistics closer than the second differ by rounding alone."""
+"""The least variance, where the spread of all values is 1; statistics closer than the second number are the same."""
 
 
 Respect = Literal["mean", "rank", "learned"]
