@@ -85,7 +85,7 @@ class Bhnr(RewardMethod):
         return zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
 
     def _paid(self, paths: list[Array], i: int, t: Integers) -> Array:
-        """What is paid at the i-th new sample, at steps t (N,)."""
+        """The pay at the i-th new sample, at steps t (N,)."""
         begin = np.maximum((t - 1) // self._window * self._window + 1 if self._blocks else t - self._window + 1, 0)
         newest = [path[:, i : i + self._window] for path in paths]
         known = [part.known(leaves, t, begin) for part, leaves in zip(self._parts, newest, strict=True)]

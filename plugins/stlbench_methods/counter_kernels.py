@@ -87,7 +87,7 @@ def _verdict(tables: Tables, memory: Array) -> tuple[int, bool]:
 @cached
 @njit()
 def _share(tables: Tables, i: int, memory: Array) -> float:
-    """From 0 to 1: the stages of a chain, the time left for an answer; 1 for a part that is done."""
+    """A number from 0 to 1: the stages of a chain, the time left for an answer; 1 for a part that is done."""
     first, last = tables.first[i], tables.last[i]
     state = memory[last]
     if state == DONE:
@@ -344,7 +344,7 @@ def _draw_answer(tables: Tables, i: int, holds: Truth, at: int, chance: Array, m
 @cached
 @njit()
 def _ages(tables: Tables, i: int, holds: Truth, at: int, in_row: int) -> tuple[int, int, int]:
-    """With a run of so many samples: 1 if no request may be open, and the least and greatest age of the oldest."""
+    """For runs of so many samples: 1 if no request may be open, and the least and greatest age of the oldest."""
     last, need = tables.last[i], tables.needs[i]
     start, end, missing, wait = tables.start[i], tables.end[i], tables.length[i] - in_row, tables.most[last]
     request, kept = tables.which[need], tables.which[need + 1]

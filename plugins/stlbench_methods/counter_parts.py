@@ -19,7 +19,7 @@ class Reach:
     """Stages to be reached in turn: `guard` U[start,end] (s_1 & F[0,w_1] (s_2 & ... F[0,w_n-1] G[0,length-1] s_n))."""
 
     guard: Formula | None
-    """What has to hold until the first stage; None for F in place of U."""
+    """The formula that has to hold until the first stage; None for F in place of U."""
     start: int
     end: int
     stages: tuple[Formula, ...]
@@ -48,13 +48,13 @@ class Reach:
 class Answer:
     """Requests to be answered in time: G (request -> kept U[0,wait] answer), for requests at start..end.
 
-    With `length` > 1 an answer is a run of so many samples, which counts at its last sample.
+    An answer is a run of `length` samples, and counts at its last sample.
     """
 
     request: Formula | None
     """None: each sample is a request."""
     kept: Formula | None
-    """What has to hold until the answer; None for F in place of U."""
+    """The formula that has to hold until the answer; None for F in place of U."""
     answer: Formula
     start: int
     end: int
@@ -187,7 +187,7 @@ def _answered(
 def _kept(
     until: stl.Until, left: Formula, right: Formula, times: tuple[int, int], request: Formula | None
 ) -> list[Part]:
-    """G[a,b] (request -> left U[c,d] right). With c > 0, left holds for c steps first."""
+    """G[a,b] (request -> left U[c,d] right). If c > 0, left holds for c steps first."""
     a, b = times
     if until.a == 0:
         return [Answer(request, left, right, a, b, until.b)]

@@ -20,7 +20,7 @@ class Counters(RewardMethod):
     oldest request waits, and for F[a,b] G[0,s] A how long A has held. A part is done, or has failed, as soon as no
     continuation changes that. So the verdict is the formula's. Parts are joined by `and`, as are the terms of eq. 2.
 
-    Where an episode of training begins later, the counters before it are those with the most time left.
+    If an episode of training begins later, the counters before it are those with the most time left.
 
     Args:
         pays: `margin`: the mean share of the parts at each sample, the time left over the time to answer, the stages of
@@ -62,7 +62,7 @@ class Counters(RewardMethod):
         return self._run(samples[1:], t + 1, memory.copy())
 
     def inputs(self, memory: Array) -> Array:
-        """Of each count the share of its greatest; of an answer the time left, below 0 where a request is open.
+        """The share of each count in its greatest; for an answer the time left, below 0 where a request is open.
 
         A part that is done ends with 1, one that has failed with -1.
         """

@@ -21,7 +21,7 @@ from stlbench_methods.windows import EXTENSION, KINDS, Terms, Window, from_first
 class Flag(RewardMethod):
     """One flag per term, updated from the predicate alone; the reward is for the truth of the flags.
 
-    Where the task (or its nested form) reads (F|G)[0,Te] phi, with phi an and/or of F[0,w] psi and G[0,w] psi: integer
+    If the task (or its nested form) reads (F|G)[0,Te] phi, with phi an and/or of F[0,w] psi and G[0,w] psi: integer
     counters over windows of w + 1 samples, sat = and/or of their verdicts, and the reward exp(beta (sat - 1)) for an
     outer F, -exp(-beta sat) for an outer G. Both are in [-1, 1]: exp(beta sat) is scaled by exp(-beta). Windows may all
     begin at the same later step, as in G[0,Te] G[300,310] psi: an extension, as the source has them from 0.
@@ -95,7 +95,7 @@ class Flags(ABC):
 class WindowFlags(Flags):
     """(F|G)[0,Te] phi, phi an and/or of F[0,w] psi and G[0,w] psi, as in the source.
 
-    Where all windows of phi begin at a later step, nothing is counted and 0 is paid before it: that sample is then to
+    If all windows of phi begin at a later step, nothing is counted and 0 is paid before it: that sample is then to
     them what the first is to the source's.
     """
 
@@ -190,5 +190,5 @@ def _combined(phi: stl.Formula, leaf: Iterator[int]) -> Callable[[Truth], Truth]
 
 
 def _paid(outer_f: bool, beta: float) -> Array:
-    """What is paid for sat = 0 and for sat = 1: exp(beta (sat - 1)) for F, -exp(-beta sat) for G."""
+    """The pay for sat = 0 and for sat = 1: exp(beta (sat - 1)) for F, -exp(-beta sat) for G."""
     return np.array([math.exp(-beta), 1.0] if outer_f else [-1.0, -math.exp(-beta)])

@@ -34,7 +34,7 @@ class Curve:
     def rate(self) -> float:
         """l = ln((gamma_0 - gamma_inf) / (rho_max - gamma_inf)) / (t_star - t0) a step; infinite for t_star = t0.
 
-        Where psi holds everywhere gamma_0 < rho_max, and the funnel would have to widen: the rate is 0 then.
+        If psi holds everywhere gamma_0 < rho_max, and the funnel would have to widen: the rate is 0 then.
         """
         fall = math.log((self.gamma_0 - self.gamma_inf) / (self.rho_max - self.gamma_inf))
         if fall <= 0:
@@ -42,7 +42,7 @@ class Curve:
         return fall / (self.t_star - self.t0) if self.t_star > self.t0 else math.inf
 
     def __call__(self, t: Array) -> Array:
-        """gamma at times t in steps, t >= t0. With an infinite rate the limit gamma_inf throughout."""
+        """gamma at times t in steps, t >= t0. An infinite rate gives the limit gamma_inf throughout."""
         if math.isinf(self.rate):
             return np.full(np.shape(t), self.gamma_inf)
         return (self.gamma_0 - self.gamma_inf) * np.exp(-self.rate * (t - self.t0)) + self.gamma_inf

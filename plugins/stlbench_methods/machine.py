@@ -21,7 +21,7 @@ class Machine(RewardMethod):
     exactly when no continuation can satisfy it. The machine is over when all terms are done or one has failed, and
     nothing is paid after that; its verdict is the formula's.
 
-    Where an episode of training begins later, each run that began before has the least length that can still be
+    If an episode of training begins later, each run that began before has the least length that can still be
     completed, and a term that could not begin any more is done.
 
     Args:

@@ -24,7 +24,7 @@ def certain(value: Array) -> Known:
 
 
 Join: TypeAlias = Callable[[Sequence[Known]], Known]
-"""What is known of the outermost windows, in order of appearance, to what is known of the formula."""
+"""The knowledge of the outermost windows, in order of appearance, becomes that of the formula."""
 
 
 class Progress:
@@ -72,7 +72,7 @@ class Progress:
         return self._combined(RunningWindow.at_least, memory, t)
 
     def inputs(self, memory: Array) -> Array:
-        """What there is to know of a memory, about in [-1, 1]: (N, input_size)."""
+        """All that there is to know of a memory, about in [-1, 1]: (N, input_size)."""
         each = zip(self._windows, self._parts(memory), strict=True)
         return np.concatenate([window.inputs(part) for window, part in each], axis=1)
 

@@ -1,6 +1,6 @@
 """One window F[a,b] phi or G[a,b] phi in the course of an episode, in a memory of few numbers.
 
-The memory has a summary of the steps that are decided: the running maximum or minimum. Where phi looks ahead itself, it
+The memory has a summary of the steps that are decided: the running maximum or minimum. If phi looks ahead itself, it
 also has the last values of phi's leaves, as many samples as decide phi.
 """
 

@@ -1,4 +1,4 @@
-"""What the parts of a formula without temporal operators are worth, and how values are combined."""
+"""The values of the parts of a formula without temporal operators, and how they are combined."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def bounded_range(specification: Specification, psi: stl.Formula, term: object) 
 
 
 def leaves(phi: stl.Formula) -> Iterator[stl.Formula]:
-    """What is left of a formula without its and, or, in order of appearance."""
+    """The rest of a formula without its and, or, in order of appearance."""
     if isinstance(phi, stl.And | stl.Or):
         for arg in phi.args:
             yield from leaves(arg)

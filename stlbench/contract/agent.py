@@ -26,7 +26,7 @@ class Policy(ABC):
         """The greedy actions, without randomness: (N, D) -> indices (N,), or vectors (N, axes)."""
 
     def arrays(self) -> Arrays | None:
-        """What `Agent.restore` makes the same policy of, a few megabytes at most. None, the default: it is not stored.
+        """Data of which `Agent.restore` makes the same policy, a few megabytes. None, the default: it is not stored.
 
         A policy that is not stored is scored like any other, and lost when its cell ends.
         """
@@ -56,12 +56,12 @@ class StatePolicy(ABC):
         """
 
     def value(self, state: Array) -> Array:
-        """What it expects from the states (N, n) at step 0: (N,), in the unit of what it maximises. NaN by default."""
+        """Its expectation from states (N, n) at step 0: (N,), in the unit of what it maximises. NaN by default."""
         return np.full(len(state), np.nan)
 
 
 class End(NamedTuple):
-    """Where training episodes end early, as if `reward` were paid for ever after."""
+    """An early end of training episodes, as if `reward` were paid for ever after."""
 
     over: Callable[[Array], Truth]
     """Signals (..., k) to whether the episode ends there (...)."""
@@ -88,14 +88,14 @@ class Model:
     cuts: tuple[int, ...]
     """Steps at which a return stops in training, with the value of going on as before."""
     ends: tuple[End, ...]
-    """Where a training episode ends early. Of two at the same decision, the first counts."""
+    """The early ends of a training episode. The first counts if two come at the same decision."""
     starts: Array
     """(several, n): states from which training episodes start."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """What an agent is given for one cell."""
+    """All that an agent is given for one cell."""
 
     make: Callable[[int], Environment]
     """Make the environment with N copies. Its starts depend on the cell's seed, not on the method."""
@@ -113,7 +113,7 @@ class Training:
 
 
 class Cost(NamedTuple):
-    """What training takes, by counting."""
+    """The cost of training, by counting."""
 
     replay: int
     """Bytes of the transitions that are stored at the same time."""
@@ -141,7 +141,7 @@ class Agent(ABC):
     """False for an agent without training, such as a controller. If an agent that trains takes no step, its cell is
     `raised`."""
     search_space: ClassVar[Mapping[str, tuple[float | int | str | bool, ...]]] = MappingProxyType({})
-    """What `stlbench tune` tries, the same for every method: parameter -> values. `hold` stands for the steps of an
+    """Values that `stlbench tune` tries for every method: parameter -> values. `hold` stands for the steps of an
     action, where it fits the task. The task's own recipe is tried too. Name what methods need differently: one that
     pays late needs a discount near 1, one that pays at once a smaller one."""
 
@@ -161,7 +161,7 @@ class Agent(ABC):
         """
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
-        """What training would take, so that the harness can refuse it. None, the default, is never refused.
+        """The cost that training would have, so that the harness can refuse it. None, the default, is never refused.
 
         Args:
             size: D, numbers in an observation.

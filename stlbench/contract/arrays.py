@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Truth = NDArray[np.bool_]
 Arrays = Mapping[str, NDArray[Any]]
-"""By name: numbers, or short texts, of any shape; no objects."""
+"""Arrays by name: numbers, or short texts, of any shape; no objects."""
 
 
 def are_numbers(values: Any) -> bool:

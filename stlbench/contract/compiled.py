@@ -1,4 +1,4 @@
-"""What Numba compiles, kept on disk so that it is never the code of another source. Imports no Numba, which takes long.
+"""Code that Numba compiles, kept on disk so that it is never the code of another source. Imports no Numba, to be quick.
 
 Numba keeps compiled code beside a function's file, and compares that file alone. If another file changes whose
 constants or functions it reads, Numba goes on with the old ones. So here is a folder for each state of the sources. No
@@ -23,7 +23,7 @@ from tempfile import gettempdir
 from typing import Any, TypeVar
 
 _BEGAN = time.time()
-"""Of a source that was edited later, this process may have imported what was there before."""
+"""If a source was edited later, this process may have imported the earlier one."""
 _FOLDERS = 8
 """So many of a package stay: those that were used last."""
 _NOT_KEPT = "compiled code is not kept"
@@ -39,7 +39,7 @@ def cached(function: Function, apart: str = "") -> Function:
         def total(values): ...
 
     Kept code counts until a source file of the function's top-level package changes, or Python, Numba, llvmlite or the
-    processor. Other packages do not count: the function must not read theirs, nor those of stlbench. Where nothing can
+    processor. Other packages do not count: the function must not read theirs, nor those of stlbench. If nothing can
     be kept, each process compiles.
 
     Args:

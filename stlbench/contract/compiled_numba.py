@@ -12,7 +12,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLoca
 
 
 class FolderCache(FunctionCache):
-    """The code of one function. What is damaged there is compiled again, and a full disk stops nothing."""
+    """The code of one function. Damaged code is compiled again, and a full disk stops nothing."""
 
     def __init__(self, function: FunctionType, folder: Path) -> None:
         self._impl_class = lambda function: _Code(function, folder)  # type: ignore[assignment]

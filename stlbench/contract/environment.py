@@ -1,4 +1,4 @@
-"""What an agent learns from: actions, environments, transitions. Import them from `stlbench.contract`."""
+"""Actions, environments and transitions, from which an agent learns. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ Actions = ActionGrid | ActionBox
 
 
 class Event(IntEnum):
-    """What a transition did to the episode of a copy. The policy knows the time, so T is no terminal state."""
+    """The effect of a transition on the episode of a copy. The policy knows the time, so T is no terminal state."""
 
     GOES_ON = 0
     CUT = 1
@@ -87,7 +87,7 @@ class Event(IntEnum):
 
 
 class Transition(NamedTuple):
-    """What `Environment.step` returns, for N copies."""
+    """The result of `Environment.step`, for N copies."""
 
     observation: Array
     """(N, D): what to act on next."""
@@ -143,8 +143,8 @@ class CounterfactualEnvironment(Environment, Protocol):
         """The last step once more, as if each copy had had another memory of the method, drawn by the generator.
 
         It costs no environment step: the method says what the same samples would have paid. Each such transition is
-        `cut`. Where the task or the environment ended the episode, it is the same transition again.
+        `cut`. If the task or the environment ended the episode, it is the same transition again.
 
         Returns:
-            What would have been seen before the step, (N, D), and the transition; its `observation` is of no use.
+            The observation that the step would have had, (N, D), and the transition; its `observation` is of no use.
         """

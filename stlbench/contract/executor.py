@@ -21,9 +21,9 @@ class Work:
     """Importable."""
     prepare: Callable[[], None] = _nothing
     """Importable. It loads what the function needs, and changes nothing else. An executor that forks may call it once
-    before. What it raises, the function raises again."""
+    before. The function raises again what it raises."""
     log: Callable[[Any], Path] | None = None
-    """Where the standard output and error of an item may be stored; the folder need not exist."""
+    """The folder where the standard output and error of an item may be stored; the folder need not exist."""
     facts: Callable[[], Mapping[str, str]] | None = None
     """Importable. An executor that uses other machines calls it there, and puts its result in `Outcome.facts`."""
 

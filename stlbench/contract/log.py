@@ -33,7 +33,7 @@ class LoggedCell:
     reason: str = ""
     """One line, where the status is not `done`."""
     numbers: Mapping[str, float] = field(default_factory=dict)
-    """Of a cell that is `done`: `satisfaction` and `robustness` of the selected policy on the report starts,
+    """For a cell that is `done`: `satisfaction` and `robustness` of the selected policy on the report starts,
     `final_satisfaction` and `final_robustness` of the last one, `cpu_seconds`, `wall_seconds`, `env_steps`."""
     curve: tuple[LoggedCheckpoint, ...] = ()
     """All checkpoints."""

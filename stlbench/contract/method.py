@@ -75,7 +75,7 @@ class RewardMethod:
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The memory at the first sample of an episode: signals (N, k) at steps t (N,) -> (N, m). Zeros by default.
 
-        t is 0 in every episode that is scored. Where a task trains with exploring starts (`training.exploring`),
+        t is 0 in every episode that is scored. If a task trains with exploring starts (`training.exploring`),
         episodes may begin later, with nothing known of the steps before.
         """
         return np.zeros((len(signals), self.memory_size))
@@ -86,7 +86,7 @@ class RewardMethod:
         return self.memory_size
 
     def inputs(self, memory: Array) -> Array:
-        """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, `input_size`). All of it by default."""
+        """The policy's view of the memory, about in [-1, 1]: (N, m) -> (N, `input_size`). All of it by default."""
         return memory
 
     # ------------------------------------------------------------------ additions: the size of rewards
@@ -120,7 +120,7 @@ class RewardMethod:
         return np.zeros(len(memory), dtype=np.bool_)
 
     counterfactuals: int = 0
-    """From how many other memories each transition should be learned, beside its own; 0 without a `counterfactual`."""
+    """How many other memories each transition should be learned from, beside its own; 0 without a `counterfactual`."""
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
         """Another memory that the copies could have at a sample.

@@ -1,4 +1,4 @@
-"""What a reward method knows about a task, and how a plugin refuses one. Import them from `stlbench.contract`."""
+"""The knowledge of a reward method about a task, and how a plugin refuses one. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ class SuiteTask(NamedTuple):
 
 
 class SuiteScores(NamedTuple):
-    """What methods reached on one task of a suite."""
+    """The results of methods on one task of a suite."""
 
     formula: str
-    """With intervals in steps."""
+    """Its intervals are in steps."""
     scores: Mapping[str, Sequence[float]]
     """Method -> for each seed the robustness, 0 at random and 1 the best known; only of methods that fit."""
 
@@ -52,7 +52,7 @@ class Suite(ABC):
     # ------------------------------------------------------------------ additions
 
     def groups(self, name: str) -> Mapping[str, str]:
-        """What a task is one of, such as its system and its template: kind of group -> the task's group.
+        """The groups of a task, such as its system and its template: kind of group -> the task's group.
 
         All tasks have the same kinds. Reports say for each group how methods do on its tasks. Tasks with a group count
         as a sample: intervals are for all tasks that the suite could draw.
@@ -67,5 +67,5 @@ class Suite(ABC):
         return None
 
     def scores(self) -> Sequence[SuiteScores]:
-        """What methods reached on its tasks. By it `stlbench advise` judges which method suits a formula."""
+        """The results of methods on its tasks. `stlbench advise` judges by them which method suits a formula."""
         return ()

@@ -41,14 +41,14 @@ class System(ABC):
     coordinates: ClassVar[tuple[str, ...] | None] = None
     """Names of the quantities in boxes of initial states, where they are not the state (`initial_states`)."""
     beyond_state: ClassVar[tuple[str, ...]] = ()
-    """What `features` has beyond the state, for people: "bearing of the goal", "which goal counts"."""
+    """The entries of `features` beyond the state, for people: "bearing of the goal", "which goal counts"."""
 
     def initial_states(self, coordinates: Array) -> Array:
         """The states (N, n) at points (N, number of `coordinates`) of a box of initial states. The same by default."""
         return coordinates
 
     def features(self, state: Array, t: Integers) -> Array:
-        """What the policy sees of the state, scaled to about [-1, 1]: (N, n), t (N,) in 0..T -> (N, d).
+        """The policy's view of the state, scaled to about [-1, 1]: (N, n), t (N,) in 0..T -> (N, d).
 
         The harness appends the time t/T and the method's inputs. The scaled state by default.
         """
@@ -97,7 +97,7 @@ class GymTask:
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float] | None:
         """The action (axes,) of a controller written by hand at step t of one copy; None where a task has none.
 
-        Actions are within their range. Of whole numbers, as a `Discrete` space has, the nearest is taken.
+        Actions are within their range. A `Discrete` space takes the nearest whole number.
         """
         return None
 
@@ -124,7 +124,7 @@ class World(ABC):
     """
 
     can_end: ClassVar[bool] = True
-    """Whether a copy can end by itself. Where it cannot, `ended` is not read."""
+    """Whether a copy can end by itself. If it cannot, `ended` is not read."""
     signals: Array
     """(N, k): the newest sample of each copy, in the order of the task file's `signals`."""
     ended: Truth
@@ -146,7 +146,7 @@ class World(ABC):
 
     @abstractmethod
     def features(self, t: Integers) -> Array:
-        """What the policy sees of each copy at steps t (N,), about in [-1, 1]: (N, d)."""
+        """The policy's view of each copy at steps t (N,), about in [-1, 1]: (N, d)."""
 
     # ------------------------------------------------------------------ additions
 
@@ -165,6 +165,6 @@ class World(ABC):
     def by_hand(self, t: Integers) -> Array | None:
         """The actions (N, axes) of a controller written by hand at steps t (N,); None where there is none.
 
-        They are within their range. On a grid the nearest value of each axis is taken.
+        They are within their range. A grid takes the nearest value of each axis.
         """
         return None

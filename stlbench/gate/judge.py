@@ -1,7 +1,7 @@
 """Is a new snapshot worse than its base? One rule, on paired seeds.
 
-Each seed gives one *gain* of robustness and satisfaction, positive where the new snapshot is better. Of the gains of a
-setting, that is of one task, method, agent, budget and track:
+Each seed gives one *gain* of robustness and satisfaction, positive where the new snapshot is better. The gains of
+a setting (one task, method, agent, budget and track) decide:
 
 - **worse**: the mean loss is more than the tolerated one, and a t-test says that it is a loss.
 - **no worse**: the mean loss is at most the tolerated one, and its interval excludes twice as much; or all gains are 0,
@@ -31,7 +31,7 @@ from stlbench.statistics.differences import holm
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
 EXIT: dict[Verdict, int] = {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
-"""Exit code of each verdict. Where several are found, the whole has the first of: worse, missing, cannot tell."""
+"""Exit code of each verdict. The whole has the first that is found of: worse, missing, cannot tell."""
 ALPHA = 0.01  # probability that anything is called worse by chance (Holm's correction)
 LEVEL = 0.95
 """Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
@@ -58,7 +58,7 @@ def speed(base: Floats, new: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Metric:
-    """What is compared. Losses are in the unit of `gain`."""
+    """One comparison. Losses are in the unit of `gain`."""
 
     name: str
     value: Callable[[Sample], float | None]  # None where it was not measured
@@ -133,7 +133,7 @@ class Judgement:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the whole; see `EXIT`. Nothing compared is `missing`."""
+        """The verdict on the whole; see `EXIT`. Nothing compared is `missing`."""
         verdicts = {comparison.verdict for comparison in self.comparisons}
         verdicts |= {finding.verdict for finding in self.findings}
         order: tuple[Verdict, ...] = ("worse", "missing", "cannot tell")
@@ -177,7 +177,7 @@ def values_of(metric: Metric, pairs: Iterable[tuple[Sample | None, Sample | None
 def compare(
     setting: Setting, metric: Metric, members: Sequence[tuple[Sample | None, Sample | None]]
 ) -> Comparison | None:
-    """On the members of which both have a number; None without any. The verdict is still to be given."""
+    """The comparison on the members of which both have a number; None without any. The verdict is still to be given."""
     values = values_of(metric, members)
     if not len(values):
         return None

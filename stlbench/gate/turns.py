@@ -39,7 +39,7 @@ class Turn(NamedTuple):
 
     cell: CellId
     round: int
-    """From 1. Each round has each cell of a setting once."""
+    """Rounds count from 1. Each round has each cell of a setting once."""
     base: Sample | None
     new: Sample | None
 

@@ -1,4 +1,4 @@
-"""What a value of a row may be, where it is read from a file that may be a stranger's."""
+"""The values that a row may have, where it is read from a file that may be a stranger's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Whole = Annotated[int, Field(strict=True, ge=0, lt=MOST)]
 Count = Annotated[int, Field(strict=True, ge=1, lt=MOST)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Amount = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
-"""Of seconds, say."""
+"""A number of seconds, say."""
 Share = Annotated[float, Field(strict=True, ge=0, le=1)]
 Robustness = Annotated[float, Field(strict=True, ge=-math.inf)]
 """Any number, also an infinite one, but NaN."""
@@ -45,9 +45,9 @@ Name = Annotated[str, AfterValidator(_is_name)]
 
 
 def first_problem(error: ValidationError, *above: str) -> str:
-    """Where the first wrong value is, and which rule it breaks, in one line: "curve.0.steps: should be at least 0".
+    """The place of the first wrong value, and the rule that it breaks: "curve.0.steps: should be at least 0".
 
-    What was checked may itself be a part: the names `above` lead to it.
+    The checked value may itself be a part: the names `above` lead to it.
     """
     first = error.errors(include_url=False, include_input=False)[0]
     place = ".".join(map(str, (*above, *first["loc"])))

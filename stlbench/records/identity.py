@@ -13,7 +13,7 @@ from stlbench.records.fields import MOST, Name
 from stlbench.registry.choices import Choice, choice_of, parse_choice
 
 Track = Literal["auto", "shared", "plain", "tuned", "outside"]
-"""By which rules a cell was trained.
+"""The rules by which a cell was trained.
 
 `auto`: with help that follows from the formula by rules, the same for all tasks and methods. `shared`: by the task's
 one recipe for all methods. `plain`: on the state and the time alone, without any part of the task that is there to
@@ -37,7 +37,7 @@ _LONGEST = 220
 
 @dataclass(frozen=True, order=True)
 class Setting:
-    """What cells have in common that differ in nothing but the seed. Comparisons are made between settings."""
+    """The common part of cells that differ in nothing but the seed. Comparisons are made between settings."""
 
     task: _Chosen
     method: _Chosen
@@ -58,7 +58,7 @@ class CellId:
     task: _Chosen
     """The task, or an ablation of it: overlap[without=cuts]."""
     method: _Chosen
-    """With the parameters that the user set: funnel[ginf=0.02,variant=code]."""
+    """The name with the parameters that the user set: funnel[ginf=0.02,variant=code]."""
     agent: _Chosen
     seed: Annotated[int, Field(ge=0, lt=MOST)]
     budget: Name

@@ -49,7 +49,7 @@ class Ledger(Records):
             _add_plan(database, cells)
 
     def record(self, result: Result) -> None:
-        """Write one result, in place of one with the same key, with checksums of its files. On return it is on disk."""
+        """Write one result, in place of one with the same key, with checksums of its files. It is on disk on return."""
         with self._writing() as database:
             before = database.execute("SELECT failures FROM cells WHERE key = ?", (result.key,)).fetchone()
             known = before[0] if before and isinstance(before[0], int) and 0 <= before[0] < MOST else 0
@@ -140,8 +140,8 @@ class Ledger(Records):
     def results(self, keys: Collection[str] | None = None) -> Iterator[Result]:
         """The results with these keys, or one of every cell, ordered by task, method, agent and seed.
 
-        An edited plugin has other keys. Of several results of a cell, the one that was planned last counts, else the
-        newest. A damaged row is skipped, with a `LedgerWarning`.
+        An edited plugin has other keys. If a cell has several results, the one that was planned last counts, else
+        the newest. A damaged row is skipped, with a `LedgerWarning`.
         """
         rows = self.listed()
         chosen = {row.key for row in self._present(rows)} if keys is None else frozenset(keys)

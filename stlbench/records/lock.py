@@ -39,7 +39,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def writer(folder: Path) -> str | None:
-    """Who writes in the folder: "process 12 on host, since ..."; None if nobody does, or without locks."""
+    """The writer in the folder: "process 12 on host, since ..."; None if nobody does, or without locks."""
     path = folder / FILE
     if not is_there(path, folder):  # a pipe would be waited for
         return None

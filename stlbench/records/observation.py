@@ -1,4 +1,4 @@
-"""What the numbers of an observation mean. The record travels with a policy, so that it is never shown another one."""
+"""The meaning of the numbers of an observation. The record travels with a policy, which is never shown another one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stlbench.records.fields import Finite, Whole, first_problem
 KEY = "stlbench_observation"
 """Under which a file of a policy, or a space of Gymnasium, has the record."""
 MOST = 1000
-"""Numbers of an environment that a record describes one by one. Of pictures, which have more, it has the size."""
+"""Numbers of an environment that a record describes one by one. It has only the size of pictures, which have more."""
 _NAMED = 12
 """Numbers that a message names."""
 
@@ -29,10 +29,10 @@ class Observation:
     size: Whole
     """Numbers of the task."""
     names: tuple[str, ...] = ()
-    """Of an environment one for each number, perhaps empty; of a system the quantities from which the task computes its
+    """An environment has one for each number, perhaps empty; a system the quantities from which the task computes its
     numbers. Empty if nothing has a name."""
     middle: tuple[Finite, ...] = ()
-    """Of an environment, for each number: a policy sees (number - middle) / reach. Empty of a system, whose class
+    """For each number of an environment: a policy sees (number - middle) / reach. Empty for a system, whose class
     scales by itself."""
     reach: tuple[Finite, ...] = ()
     steps: Whole | None = None
@@ -42,9 +42,9 @@ class Observation:
     method: str = ""
     """The method whose inputs they are; empty where that is not known, or there are none."""
     task: str = ""
-    """Where it was recorded: a task, or the id of an environment under `stlbench.wrap`."""
+    """The place of the recording: a task, or the id of an environment under `stlbench.wrap`."""
     version: str = ""
-    """Of stlbench, when it was recorded."""
+    """The version of stlbench that recorded it."""
 
     @classmethod
     def beside(cls, steps: int, inputs: int, method: str, task: str) -> Observation:
@@ -172,7 +172,7 @@ Described = Annotated[Observation, AfterValidator(_described)]
 
 
 def _of_names(own: Observation, shown: Observation) -> Iterator[str]:
-    """Where both name what they show, the names agree."""
+    """If both name what they show, the names agree."""
     if not any(own.names) or not any(shown.names):
         return
     if bool(own.middle) and len(own.names) == len(shown.names):

@@ -90,7 +90,7 @@ class Records:
         return cells
 
     def problems(self) -> list[str]:
-        """What SQLite reports about the file's structure; empty if it is whole."""
+        """SQLite's report about the file's structure; empty if it is whole."""
         if self._database is None:
             return []
         try:

@@ -108,7 +108,7 @@ def _possible(score: Score) -> Score:
 
 
 def reported(scores: Mapping[str, Score]) -> Score:
-    """Of the scores of one policy, protocol -> score, the one that counts: from random starts where there is one."""
+    """The score that counts among those of one policy, protocol -> score: from random starts where there is one."""
     return scores.get(RANDOM, scores[MAIN])
 
 
@@ -123,19 +123,19 @@ class CurvePoint:
     satisfaction: Share
     robustness_mean: Finite
     starts: Count
-    """From how many of these starts: a checkpoint that is clearly behind is scored from fewer than a good one."""
+    """The number of these starts: a checkpoint that is clearly behind is scored from fewer than a good one."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """What a policy that was planned, not learned, maximises (`Agent.plans`)."""
+    """The quantity that a policy maximises that was planned, not learned (`Agent.plans`)."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
 
     maximised: Literal["reward", "formula"]
     """The method's reward, or the formula's robustness."""
     value: float
-    """What the plan expects, mean over the report's starts, in the unit of what is maximised; NaN where it does not
+    """The plan's expected value, mean over the report's starts, in the unit of what is maximised; NaN where it does not
     say."""
 
 
@@ -149,11 +149,11 @@ class StoredPolicies:
     observation_size: Whole
     """D: numbers in the observations that they act on."""
     agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
-    """On the track `tuned`, the recipe's parameters of the agent; empty on other tracks, where the task has them."""
+    """The recipe's parameters of the agent on the track `tuned`; empty on other tracks, where the task has them."""
     hold: Count | None = None
-    """On the track `tuned`, the steps for which the recipe holds an action; None if the task's own number holds."""
+    """The steps for which the recipe holds an action on the track `tuned`; None if the task's own number holds."""
     observation: Described | None = None
-    """What the numbers of their observations mean; None where it was not recorded."""
+    """The meaning of the numbers of their observations; None where it was not recorded."""
 
 
 _Score = Annotated[Score, AfterValidator(_possible)]

@@ -62,7 +62,7 @@ class Row(NamedTuple):
 
     @classmethod
     def of(cls, number: int, key: object, status: object, failures: object, again: object, *identity: object) -> Self:
-        """From a rowid and the columns `LISTED`. Raises `ValueError` if they are damaged."""
+        """The row from a rowid and the columns `LISTED`. Raises `ValueError` if they are damaged."""
         named = dict(zip(IDENTITY, identity, strict=True))
         row: Self = _valid(cls, (number, key, status, failures, again, named))
         return row

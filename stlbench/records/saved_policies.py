@@ -21,7 +21,7 @@ from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import TASK_FOLDER, Result
 
 Which = Literal["selected", "final"]
-"""Of a cell's policies: the checkpoint that did best on the starts for selection, or the one at the end of training."""
+"""A cell's policy: the checkpoint that did best on the starts for selection, or the one at the end of training."""
 
 
 def save(path: Path, selected: Policy | StatePolicy, final: Policy | StatePolicy) -> tuple[str, str] | None:

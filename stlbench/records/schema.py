@@ -36,8 +36,8 @@ _TABLES = (
     f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})",
 )
 """`checksum` is of the text `result`, `files` has those of the cell's files as JSON, `failures` counts how often in a
-row the cell has failed, and `again` says whether the next run measures it, though it has a result. With the index,
-missing cells are found without the pages of the results: for 100,000 cells 10 MB in place of a GB.
+row the cell has failed, and `again` says whether the next run measures it, though it has a result. The index
+finds missing cells without the pages of the results: for 100,000 cells 10 MB in place of a GB.
 
 `recorded` lists the rows of `cells` once more: it changes in the same transactions, so one that was deleted by another
 program is noticed. Version 5 did not have it."""
@@ -121,7 +121,7 @@ def _make(database: sqlite3.Connection) -> None:
 
 
 class _Connection(sqlite3.Connection):
-    """SQLite's errors quote names of the file. Where these are no UTF-8, Python raises another error."""
+    """SQLite's errors quote names of the file. If these are no UTF-8, Python raises another error."""
 
     def execute(self, *query: Any) -> sqlite3.Cursor:
         try:

@@ -12,7 +12,7 @@ Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitab
 NOT_RUN: Literal["not run"] = "not run"
 """In tables, in the place of a status: the cell was planned and has no result."""
 ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
-"""What a retry may run."""
+"""The statuses that a retry may run."""
 FAILED = "failed"
 """The word for all accidents."""
 

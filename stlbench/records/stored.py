@@ -117,7 +117,7 @@ class _Planned:
 
     @classmethod
     def of(cls, text: str) -> Self | None:
-        """What a line says; None if it is of a result. Raises `ValueError` if a part is missing or wrong."""
+        """The content of a line; None if it is of a result. Raises `ValueError` if a part is missing or wrong."""
         if NOT_RUN not in text:
             return None
         content = plain(text)

@@ -61,7 +61,7 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 
 
 def remove(folder: Path, cells: Collection[CellId]) -> None:
-    """Take cells out. Where results of other seeds stay, they are planned, so that tables say that a seed is missing;
+    """Take cells out. If results of other seeds stay, they are planned, so that tables say that a seed is missing;
     else what is planned of their setting goes too."""
     with writing(folder), Ledger(folder / FILE, create=False) as ledger:
         keys = ledger.counted()
@@ -93,8 +93,8 @@ class Merged(NamedTuple):
 def merge(into: Path, source: Path) -> Merged:
     """Copy the results of `source` into the ledger of `into`, their traces, policies and logs, and its plan.
 
-    Of two results of a cell the one that is no failure stays, else the one whose run began later, else that of `into`.
-    An interrupted merge can be repeated. Raises `UsageError` if `source` has no results, or is `into` itself.
+    If both have a result of a cell, one that is no failure stays, else the one whose run began later, else that of
+    `into`. An interrupted merge can be repeated. Raises `UsageError` if `source` has no results, or is `into` itself.
     """
     if into.resolve() == source.resolve():
         raise UsageError(f"{source} cannot be merged into itself")

@@ -80,7 +80,7 @@ def verify(folder: Path) -> Verified:
 
 
 def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
-    """A name ends in the beginning of a key. Of a cell that was interrupted the plan has the key."""
+    """A name ends in the beginning of a key. The plan has the key of a cell that was interrupted."""
     known = {end_of_name(key) for key in keys}
     lengths = {len(end) for end in known}
     for kind in (TRACES, POLICIES):

@@ -1,4 +1,4 @@
-"""What of a plugin breaks its contract, as far as a look at the object shows: no function of it is called."""
+"""The parts of a plugin that break its contract, as far as a look at the object shows: no function of it is called."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ def breach(made: object) -> str:
 
 
 _Rule = Callable[[Any], str]
-"""What is wrong with a value, after "its scale "; nothing where it is right."""
+"""The fault of a value, after "its scale "; nothing where it is right."""
 
 
 @lru_cache
 def _rules(base: type) -> Mapping[str, _Rule]:
-    """Of the functions, attributes and properties that a contract declares."""
+    """The names of the functions, attributes and properties that a contract declares."""
     rules, hints = dict[str, _Rule](), get_type_hints(base)
     for name, member in {**dict.fromkeys(hints), **vars(base)}.items():
         if name.startswith("_"):

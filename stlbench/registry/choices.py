@@ -1,4 +1,4 @@
-"""What a user chose: plugin names with parameters, `funnel[ginf=0.02,variant=code]`, read and checked."""
+"""A user's choices: plugin names with parameters, `funnel[ginf=0.02,variant=code]`, read and checked."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pydantic_core import ErrorDetails
 from stlbench.errors import UsageError, did_you_mean, in_words
 
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
-"""What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
+"""The names that a plugin may have. Names become keys, paths and column heads, so nothing else is let in."""
 _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VALUE = re.compile(r"[A-Za-z0-9._+-]+")
 _PLACE = re.compile(r"[A-Za-z0-9._+:/~@%-]+")
-"""What an executor may be told besides, which is in no key and in no name of a file: addresses and paths."""
+"""Further parameters of an executor, which are in no key and in no name of a file: addresses and paths."""
 
 
 @dataclass(frozen=True, order=True)
@@ -47,7 +47,7 @@ def parse_choices(text: str) -> tuple[Choice, ...]:
 def choice_of(value: Choice | str) -> Choice:
     """The choice that a caller means, by value or by text. Raises `UsageError` where the text is none.
 
-    What is public takes either and calls this once; everything behind it takes choices.
+    A public function takes either and calls this once; everything behind it takes choices.
     """
     return parse_choice(value) if isinstance(value, str) else value
 

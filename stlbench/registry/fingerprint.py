@@ -24,7 +24,7 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 @dataclass(frozen=True)
 class Code:
-    """What a module and all that it imports are made of, as far as it can change what they do."""
+    """The parts of a module and of all that it imports, as far as it can change what they do."""
 
     files: tuple[tuple[str, str], ...] = ()
     """Name and digest of each module, `pack.one`, and of each file of data beside one, `pack/table.npz`; sorted."""
@@ -37,7 +37,7 @@ class Code:
 
     @cached_property
     def digest(self) -> str:
-        """Of the files, 32 hex digits. Files of tasks have no part in it: a task's key has what they say."""
+        """The digest of the files, 32 hex digits. Files of tasks have no part in it: a task's key has what they say."""
         text = [f"{name} {digest}\n" for name, digest in self.files if name.rpartition("/")[2] not in _TASK_FILES]
         return hashlib.sha256("".join(text).encode()).hexdigest()[:32]
 
@@ -61,7 +61,7 @@ def code_of(module: str, *, packages: bool = True) -> Code:
 
     An installed distribution counts by its version, unless it has the module's own top-level package. Python's own
     modules do not count. Files of data in the folder of a package count, and in folders below it that are no packages:
-    all but hidden files, Markdown, and folders of results. The place of files does not count. What is imported by a
+    all but hidden files, Markdown, and folders of results. The place of files does not count. An import by a
     name that is made at run time is not seen.
     """
     own, pending, files, installed = module.partition(".")[0], {module}, dict[str, str](), dict[str, str]()
@@ -103,7 +103,7 @@ class _Source:
     imports: tuple[str, ...] = ()
     """The names that it imports anywhere; some may be no modules: `package.thing` of `from package import thing`."""
     revisions: Mapping[str, int] = field(default_factory=dict)
-    """Of each class by its name, and of the module by an empty one."""
+    """The revision of each class by its name, and of the module by an empty one."""
 
 
 def _source(path: Path, module: str) -> _Source:

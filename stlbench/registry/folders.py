@@ -94,7 +94,7 @@ def task_of(value: Choice | str) -> Choice:
 def know(path: Path, *, instead: bool = False) -> FolderTask:
     """Make the task in a folder known to this process. Imports nothing of it.
 
-    With `instead`, it takes the place of a task of the same name in another folder.
+    If `instead`, it takes the place of a task of the same name in another folder.
 
     Raises `UsageError` if it has no task, or its name is no name, that of an installed task, or of another folder.
     """
@@ -138,6 +138,6 @@ def _package(folder: Path) -> str:
 
 
 def place_of(name: str) -> Path | None:
-    """Where the task of that name is; None for one that is installed, or unknown."""
+    """The folder of the task of that name; None for one that is installed, or unknown."""
     task = plugins.available("tasks").get(name)
     return task.folder if isinstance(task, FolderTask) else None

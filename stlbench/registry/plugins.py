@@ -190,7 +190,7 @@ def name_of(kind: str, loaded: type) -> str | None:
 def blamed(error: BaseException) -> str | None:
     """A line on the plugin of others in whose code an exception was raised; None where it was in none.
 
-    Of the calls that led to it, the innermost counts that is in a plugin's module, or in its package.
+    The innermost call that led to it counts that is in a plugin's module, or in its package.
     """
     others = [plugin for kind in KINDS for plugin in available(kind).values() if not plugin.is_own]
     packages = {plugin.entry_point.module.partition(".")[0]: f"code of {plugin.distribution}" for plugin in others}

@@ -44,7 +44,7 @@ def made(plugin: plugins.Plugin) -> Suite:
 
 @lru_cache
 def _made(plugin: plugins.Plugin) -> tuple[Suite, Mapping[str, str]]:
-    """With the names of its tasks: as a task, without that of the suite -> within the suite."""
+    """The suite with the names of its tasks: as a task, without that of the suite -> within the suite."""
     try:
         with interrupts_raise():
             suite = cast(Suite, plugin.load()())
@@ -79,7 +79,7 @@ def task(name: str) -> SuitePlugin | None:
 
 
 def groups(name: str) -> Mapping[str, str]:
-    """What the task `suite-unicycle-sequence-7` is one of, as its suite says; nothing for a task of no suite."""
+    """The groups of the task `suite-unicycle-sequence-7`, as its suite says; nothing for a task of no suite."""
     plugin = task(name)
     return {} if plugin is None else dict(made(plugin.suite).groups(plugin.member))
 

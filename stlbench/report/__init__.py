@@ -87,7 +87,7 @@ class Report:
 
     @cached_property
     def aligned(self) -> tuple[Aligned, ...]:
-        """What was planned, and what was learned in the same setting."""
+        """The plans, and the policies learned in the same setting."""
         return align(self._recorded, self.standards, self.groups)
 
     @cached_property
@@ -125,14 +125,14 @@ class Report:
 
     @property
     def summary(self) -> tuple[Table, ...]:
-        """What a reader is shown, in this order; tables without a row are left out."""
+        """The tables that a reader is shown, in this order; tables without a row are left out."""
         of_tasks = [self.tables[name] for name in ("robustness", "comparisons", "controllers", "alignment", "time")]
         tables = (self.tables["overview"], *self.across, *of_tasks, unfinished_table(self.groups))
         return (*self.first, *(table for table in tables if table.rows))
 
     @property
     def answer(self) -> tuple[Table | str, ...]:
-        """What a screen shows: what was learned, or else planned, what went wrong, and a line for each two methods."""
+        """A screen's answer: what was learned, or else planned, what went wrong, and a line for each two methods."""
         policies = [*self.learned, *self.outside]
         found = answer_table(policies, self.known) if policies else self.tables["alignment"]
         shown = [table for table in (*self.first, found, unfinished_table(self.groups)) if table.rows]
@@ -163,7 +163,7 @@ class Report:
 
     @cached_property
     def known(self) -> Known:
-        """What is known of the tasks, such as the best that anything reached."""
+        """The facts known of the tasks, such as the best that anything reached."""
         best = best_known(self._recorded, self.standards)
         return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
 

@@ -1,4 +1,4 @@
-"""What trainings on drawn formulas say of a method for a formula of the same form."""
+"""The evidence of trainings on drawn formulas for a method for a formula of the same form."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NEAR = 1
 
 
 class Trained(NamedTuple):
-    """What methods reached on one drawn formula."""
+    """The results of methods on one drawn formula."""
 
     traits: frozenset[str]
     scores: Mapping[str, Sequence[float]]
@@ -29,7 +29,7 @@ class Rated(NamedTuple):
     tasks: int
     score: Estimate
     behind: Estimate | None
-    """By how much the first method has more, on the formulas that both fit; None for the first, and without such."""
+    """The lead of the first method, on the formulas that both fit; None for the first, and without such."""
 
     @property
     def is_told_apart(self) -> bool:

@@ -59,7 +59,7 @@ class Picture(NamedTuple):
 
 @dataclass(frozen=True)
 class Opening:
-    """What stands first on a page: the answer."""
+    """The first part of a page: the answer."""
 
     lines: Sequence[str]
     """A paragraph each."""
@@ -72,7 +72,7 @@ class Opening:
 
 _KINDS = {".gif": "gif", ".png": "png", ".webp": "webp"}
 _ROOM = 3_000_000
-"""Characters of all films and figures together. With the cells the page then has less than 5 MB."""
+"""Characters of all films and figures together. The page has less than 5 MB with these and the cells."""
 _FILM = _ROOM // 2
 """A longer film is a link."""
 
@@ -216,7 +216,7 @@ class _Page:
         return pictures, {choice for choice, own in drawings.items() if len(pictures[choice]) < len(own)}
 
     def task_part(self, choice: Choice, groups: Sequence[Group]) -> Part:
-        """What the task is, what its policies did, and what the folder lacks."""
+        """The task, the results of its policies, and the gaps of the folder."""
         from stlbench.report.figures.counterexample import Story, tell_story, worst_table
 
         shown = [group for group in groups if group.outside or group in self.report.learned]

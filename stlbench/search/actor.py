@@ -65,7 +65,7 @@ class Actor:
     label: tuple[str, ...]  # the parts of its files' names
     task: Task
     record: Callable[[Array], Array]
-    """From starts (N, n), as the simulator resets to them, to traces (N, T + 1, k) of the task's signals."""
+    """A function of starts (N, n), as the simulator resets to them, to traces (N, T + 1, k) of the task's signals."""
 
     @property
     def rows(self) -> int:

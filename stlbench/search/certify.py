@@ -44,7 +44,7 @@ class Claim:
 
     @property
     def text(self) -> str | None:
-        """What is claimed, in words; None if the number of starts is fixed."""
+        """The claim in words; None if the number of starts is fixed."""
         if self.at_least is not None:
             return f"at least {plain(self.at_least)}"
         return None if self.width is None else f"known to {plain(self.width)}"
@@ -56,7 +56,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Certificate:
-    """With the claim's confidence, the probability of satisfaction is in the interval.
+    """The probability of satisfaction is in the interval with the claim's confidence.
 
     An episode with an early end counts as satisfied only if every continuation satisfies.
     """
@@ -95,7 +95,7 @@ class Certificate:
 
     @property
     def verdict(self) -> Verdict | None:
-        """On `at_least`; None without it."""
+        """The verdict on `at_least`; None without it."""
         claimed = self.claim.at_least
         if claimed is None:
             return None

@@ -34,7 +34,7 @@ class How:
 class Falsification:
     """The result of a search: the worst start, a counterexample if it violates the formula.
 
-    Verdicts from the worst: violated, open, satisfied. Of starts with the worst verdict it is the least robust.
+    Verdicts from the worst: violated, open, satisfied. It is the least robust of the starts with the worst verdict.
     """
 
     actor: Actor

@@ -120,7 +120,7 @@ OPTIMISERS: dict[str, Optimiser] = {
     "shgo": shgo,
     "random": at_random,
 }
-"""By name."""
+"""Optimisers by name."""
 DEFAULT, OF_SEEDS = "differential-evolution", "random"
 """The optimisers of states and of seeds, unless the user names one."""
 

@@ -48,7 +48,7 @@ def improvement(one: Runs, other: Runs) -> Estimate:
     from scipy import stats
 
     def share(first: Array, second: Array, axis: int) -> Array:
-        """Of all pairs, by the sum of ranks (Mann and Whitney 1947)."""
+        """The share among all pairs, by the sum of ranks (Mann and Whitney 1947)."""
         n, m = first.shape[axis], second.shape[axis]
         ranks = stats.rankdata(np.concatenate([first, second], axis), axis=axis)
         return np.asarray((ranks[..., :n].sum(axis) - n * (n + 1) / 2) / (n * m))

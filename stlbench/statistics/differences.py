@@ -148,8 +148,8 @@ def _enough(tested: _Tested, alpha: float) -> int:
     """A number of seeds of each method with which the difference would be decided with a probability of 80 % or more.
 
     It is the number for Welch's test alone, at a third of the level of Holm's first step, the strictest. So ranks and
-    seeds that learned may decide earlier. A shifted t distribution approximates the noncentral one. With fewer seeds
-    not even a complete separation could be decided.
+    seeds that learned may decide earlier. A shifted t distribution approximates the noncentral one. Fewer seeds
+    could not even decide a complete separation.
     """
     from scipy import special
 
@@ -181,10 +181,10 @@ def holm(chances: Sequence[float]) -> list[float]:
 
 
 _ALL_DEALS = 200_000
-"""Up to so many deals are all computed: up to 10 seeds against 10. Of more, as many as fit into `_HELD` are drawn."""
+"""Up to so many deals are all computed: up to 10 seeds against 10. Otherwise as many as fit into `_HELD` are drawn."""
 _HELD = 4_000_000  # numbers that the drawn deals have together
 _FLOOR, _TIE = 1e-9, 1e-5
-"""Of variances, where the spread of all values is 1; and of statistics: closer ones are the same but for rounding."""
+"""The least variance, where the spread of all values is 1; statistics closer than the second number are the same."""
 
 
 Respect = Literal["mean", "rank", "learned"]

@@ -83,7 +83,7 @@ def share_interval(successes: float, trials: int, level: float = LEVEL) -> Inter
 
 @lru_cache
 def _quantile(freedom: int) -> float:
-    """Of Student's t, two-sided."""
+    """A quantile of Student's t, two-sided."""
     from scipy import stats
 
     return float(stats.t.ppf((1 + LEVEL) / 2, freedom))

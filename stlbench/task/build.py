@@ -37,7 +37,7 @@ def fitting_methods(
 ) -> dict[str, RewardMethod]:
     """Those of the chosen methods, else of all installed, that can be built, by the text of the choice.
 
-    Of one that raises what the contract does not name, a `PluginWarning` says so.
+    A `PluginWarning` names one that raises what the contract does not name.
     """
     methods = dict[str, RewardMethod]()
     name = task.formula if isinstance(task, Specification) else f"task {task.name}"

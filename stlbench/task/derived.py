@@ -1,7 +1,7 @@
 """The derived formula: what reward methods are given on the track `auto` in place of the task's own formula.
 
 Its predicates are those of the formula that it is derived from, brought to one scale by their roles. Each keeps its
-sign, so the same traces satisfy both. On the track `auto` it is derived from the task's formula in the form of
+sign, so the same traces satisfy both. The track `auto` derives it from the task's formula in the form of
 `forms.regular`, which may ask for less: G[c,d] (p | q) in place of G[c,d] p | G[c,d] q. So every trace that satisfies
 the task's formula satisfies the derived one, and there others may too. The referee scores the task's own formula.
 """
@@ -20,15 +20,15 @@ from stlbench.task.scales import Box, Scale, scale, violated
 from stlbench.task.windows import Window, windows, with_parts
 
 FARTHEST, BESIDE = 0.4, 1.0
-"""What a goal costs at its worst: alone, and beside invariants, which cost at least as much when they are violated."""
+"""The cost of a goal at its worst: alone, and beside invariants, which cost at least as much when they are violated."""
 BEST = 0.5
-"""What a goal pays at its best."""
+"""The pay of a goal at its best."""
 MOST_HELD = 5
 """Steps of a decision that a violation in one of them outweighs."""
 STEEP = 50.0
 """The cost of an invariant rises to 1 within its depth over this number: nearly a jump."""
 CLEARANCE = 0.3
-"""What an invariant pays at its best."""
+"""The pay of an invariant at its best."""
 KEPT = 4.0
 """A predicate that the start keeps costs no more beyond so many near sizes."""
 
@@ -36,7 +36,7 @@ KEPT = 4.0
 def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array, hold: int = 1) -> Formula:
     """The formula with its predicates on one scale.
 
-    With m the margin of a predicate and w its near size (`scales.Scale`), the margin becomes
+    The margin m of a predicate with the near size w (`scales.Scale`) becomes
 
     - of a goal: -c log(1 - m / w) / K where m < 0, with K the largest such logarithm in its window, so that it is from
       -c to 0, and c = .4, or 1 beside invariants; .5 m / best where m >= 0, with `best` the largest margin of all that
@@ -50,7 +50,7 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
       1 for a robot that can fall, which would not dare to move.
 
     A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 where it holds. It costs 1 where it is violated
-    by more than a billionth of its range. Where a formula asks for invariants alone, they count as goals.
+    by more than a billionth of its range. If a formula asks for invariants alone, they count as goals.
 
     Args:
         formula: of the task, intervals in steps.
@@ -160,7 +160,7 @@ def _invariant(margin: _Margin, depth: float, cost: float) -> str:
 
 
 def _all_or_nothing(margin: _Margin) -> str:
-    """Of a margin that is 0 at best: it pays its best there, and costs 1 from a billionth of the range on."""
+    """The form of a margin that is 0 at best: it pays its best there, and costs 1 from a billionth of the range on."""
     return f"max(-1, min({CLEARANCE:g}, {CLEARANCE:g} + {margin.text} / {1e-9 * margin.size.worst:.9g}))"
 
 

@@ -33,9 +33,9 @@ class Timing(NamedTuple):
     """How the intervals of a file's formulas are read; formulas are validated with it as the context."""
 
     dt: float | None = None
-    """What `stl.parse` needs: seconds per step, None where intervals are in steps."""
+    """The time that `stl.parse` needs: seconds per step, None where intervals are in steps."""
     steps: int | None = None
-    """Where operators without an interval end."""
+    """The step at which operators without an interval end."""
     known: bool = True
     """False where `time`, `sampling_time` or `steps` is wrong: formulas are checked, their intervals mean nothing."""
 
@@ -49,7 +49,7 @@ class Read:
     """
 
     value: Callable[[Any, ValidationInfo], Any]
-    """From what the file has. Raises `ValueError`."""
+    """Makes the value of what the file has. Raises `ValueError`."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         written = core_schema.plain_serializer_function_ser_schema(str)

@@ -22,7 +22,7 @@ class Difference:
     one: str
     other: str
     constant: float | None
-    """What the one pays more than the other, where that is the same at all times; None where it changes."""
+    """The surplus of the one's pay over the other's, where that is the same at all times; None where it changes."""
 
     def __str__(self) -> str:
         """ "funnel is raw minus 0.99 at all times"."""
@@ -36,7 +36,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Paid:
-    """What a method pays."""
+    """The pay of a method."""
 
     rewards: Array
     """At random samples, the same for all methods of a task, and at all times: (T, samples)."""
@@ -45,7 +45,7 @@ class Paid:
 
 
 def payments(method: RewardMethod) -> Paid | None:
-    """What it pays; None where that is not a function of samples and time alone (`RewardMethod.arrival`).
+    """Its pay; None where that is not a function of samples and time alone (`RewardMethod.arrival`).
 
     Raises `ValueError` where rewards are no numbers, or of another shape than (T, samples).
     """
@@ -62,8 +62,8 @@ def payments(method: RewardMethod) -> Paid | None:
 def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
     """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time.
 
-    Where every episode lasts as long, such methods ask for the same policies: the sum of a function of time is the same
-    for all. Where training episodes end early, it also pays for ending sooner, or later. Samples are drawn evenly from
+    If every episode lasts as long, such methods ask for the same policies: the sum of a function of time is the same
+    for all. If training episodes end early, it also pays for ending sooner, or later. Samples are drawn evenly from
     the box of the signals, so a difference in a very small part of it can be missed.
     """
     known = {name: each for name, each in paid.items() if each is not None}

@@ -1,4 +1,4 @@
-"""What a `task.yaml` says."""
+"""The contents of a `task.yaml`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stlbench.records.fields import Line, Name
 from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
 
 VIOLATION: Literal["violation"] = "violation"
-"""Where a term G[a,b] psi of the formula is violated."""
+"""The condition that a term G[a,b] psi of the formula is violated."""
 
 
 def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation"]:
@@ -22,32 +22,32 @@ def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["viol
 
 
 class Ending(Entry):
-    """Where a training episode ends early, as if the least that the method pays (`floor`) were paid for ever after."""
+    """An early end of a training episode, as if the least that the method pays (`floor`) were paid for ever after."""
 
     where: Annotated[stl.Formula | Literal["violation"], Read(_read_where)]
     """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`."""
 
 
 class Near(Entry):
-    """Where an episode begins at a time for which a condition stands."""
+    """A condition on the first state of episodes that begin at a time for which it stands."""
 
     until: Count
     """The last step for which it stands."""
     where: PointFormula
-    """On the signals."""
+    """A condition on the signals."""
 
 
 class Exploring(Entry):
     """Training episodes that begin at a random time of the task, a decision's, instead of at its start."""
 
     share: Annotated[float, Field(gt=0, le=1)]
-    """Of the training episodes."""
+    """The share of the training episodes."""
     kept: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Of these, the share that begins in the state in which the copy's last episode ended."""
+    """The share of these that begins in the state in which the copy's last episode ended."""
     states: Region | None = None
-    """Where the others begin; among the states from which episodes start where left out."""
+    """The places where the others begin; if left out, the states from which episodes start."""
     near: Annotated[tuple[Near, ...], Field(exclude_if=operator.not_)] = ()
-    """What half of the drawn states fulfil: of the conditions that stand at the time, the one that ends first."""
+    """Half of the drawn states fulfil one: the condition that ends first of those that stand at the time."""
     length: Count | None = None
     """They are broken off after this many decisions on average; at the end of the task where left out."""
 
@@ -56,17 +56,17 @@ class TrainingEpisodes(Entry):
     """How training episodes differ from those that the referee scores, the same for every method and agent."""
 
     starts: Region | None = None
-    """Where episodes start; `initial` where left out."""
+    """The states where episodes start; `initial` if left out."""
     cuts: tuple[Count, ...] = ()
     """Phase boundaries, steps at which the reward begins to ask for something else. A return stops there, with the
     value of going on as before: an agent that looks across leaves too early (anticipation)."""
     ends: tuple[Ending, ...] = ()
-    """Where episodes end early."""
+    """The conditions that end episodes early."""
     exploring: Exploring | None = None
 
 
 class Range(Entry):
-    """Where a signal lives: the state space over which rho_max and rho_min are taken."""
+    """The range of a signal: the state space over which rho_max and rho_min are taken."""
 
     low: Finite
     high: Finite
@@ -77,7 +77,7 @@ class Signal(Range):
     """A signal, and on an environment what it is there."""
 
     expression: str | None = None
-    """Over named entries of the observation and entries of the info, in the grammar of formulas: atan2(y, x). Where
+    """Over named entries of the observation and entries of the info, in the grammar of formulas: atan2(y, x). If
     left out, the entry of the signal's own name."""
 
 
@@ -88,22 +88,22 @@ class Environment(Entry):
     """An environment of Gymnasium, or a parallel one of PettingZoo, whose agents act jointly."""
 
     id: str | None = None
-    """As `gymnasium.make` takes it: "CartPole-v1", or "module:Id-v0" where a module registers it. Of PettingZoo, a
+    """As `gymnasium.make` takes it: "CartPole-v1", or "module:Id-v0" where a module registers it. For PettingZoo, a
     module with `parallel_env`. None where a class makes the environment."""
     api: Api = "gymnasium"
     kwargs: dict[str, Any] = Field(default_factory=dict)
-    """What it is made with."""
+    """The arguments with which it is made."""
     drawn: dict[str, Any] = Field(default_factory=dict)
-    """What copies are made with beside that which films show, such as a camera's name. Changes no result."""
+    """The further arguments of copies that films show, such as a camera's name. Changes no result."""
     names: tuple[str, ...] | dict[str, tuple[str, ...]] | None = None
-    """Of all entries of the observation, in their order; of a Dict observation {key: names of its entries}."""
+    """Names of all entries of the observation, in their order; for a Dict observation {key: names of its entries}."""
     scale: dict[str, Positive] = Field(default_factory=dict)
     """Named entry -> about its largest magnitude, by which policies see it divided. Entries whose space has ends go
     from -1 to 1 without it."""
 
 
 EarlyEnd = Literal["hold", "violated", "interval"]
-"""What it means that an environment ends an episode before the last step."""
+"""The meaning of an episode that an environment ends before the last step."""
 
 
 class Axis(Range):
@@ -153,9 +153,9 @@ class BestKnown(Entry):
     """The largest mean robustness of the task's formula over the report's starts that anything is known to reach."""
 
     robustness: Finite
-    """What was reached, in the unit of the formula's predicates."""
+    """The robustness that was reached, in the unit of the formula's predicates."""
     how: Line = ""
-    """What reached it, so that others can repeat it."""
+    """The way in which it was reached, so that others can repeat it."""
     upper_bound: Finite | None = None
     """More than this is proven to be impossible; None where nothing is proven."""
     why: Line = ""
@@ -163,7 +163,7 @@ class BestKnown(Entry):
 
 
 class Baseline(Entry):
-    """What something without a policy gets from the report's starts."""
+    """The scores of something without a policy from the report's starts."""
 
     robustness: Finite
     """Mean robustness."""
@@ -179,7 +179,7 @@ class BestConstant(Baseline):
 
 
 class Baselines(Entry):
-    """What needs no policy, as `studies/baselines.py` measured it."""
+    """The baselines, which need no policy, as `studies/baselines.py` measured them."""
 
     zero: Baseline
     constant: BestConstant
@@ -187,9 +187,9 @@ class Baselines(Entry):
 
 
 OPTIONAL = ("features", "schedule", "rewarded", "hold", "cuts", "ends", "near", "exploring")
-"""What a task can be trained without, to learn what it is worth."""
+"""The parts without which a task can be trained, to learn their worth."""
 BY_HAND = ("rewarded", "nested", "features", "training", "agents")
-"""What a `by_hand.yaml` may say in place of the `task.yaml` beside it: what somebody made so that a robot learns."""
+"""The keys that a `by_hand.yaml` may have in place of the `task.yaml` beside it: help made by somebody for learning."""
 
 
 class TaskFile(Entry):
@@ -197,9 +197,9 @@ class TaskFile(Entry):
 
     title: Line
     source: Line
-    """Where the task comes from: paper and section."""
+    """The source of the task: paper and section."""
     notes: Line = ""
-    """What a reader of the results should know, such as a choice that the source leaves open."""
+    """Notes that a reader of the results should know, such as a choice that the source leaves open."""
     formula: Formula
     rewarded: Formula | None = None
     """The formula as reward methods see it, with predicates brought to one scale, capped or stretched:
@@ -217,13 +217,13 @@ class TaskFile(Entry):
     hold: Count = 1
     """Steps for which an agent's action is held."""
     environment: Environment | None = None
-    """What the task is made on, where it is no system."""
+    """The environment that the task is made on, where it is no system."""
     terminated: EarlyEnd = "hold"
-    """Of an environment that ends an episode before the last step.
+    """The verdict on an episode that an environment ends before the last step.
 
     `hold`: the last sample stays to the end. `violated`: the formula is violated, by as much as is possible within the
     ranges. `interval`: nothing is known, and the lower end of what is possible counts. In training the episode is over.
-    What follows is worth what the method would pay on average while the last sample stays; its floor; or what going on
+    The rest is worth what the method would pay on average while the last sample stays; its floor; or what going on
     would be worth.
     """
     signals: Annotated[dict[Name, Signal], Field(min_length=1)]
@@ -232,17 +232,17 @@ class TaskFile(Entry):
     parameters: dict[str, Any] = Field(default_factory=dict)
     """Keyword arguments of the system."""
     actions: dict[Name, Axis] = Field(default_factory=dict)
-    """Of an environment, all that it has where left out."""
+    """If left out, all that an environment has."""
     robots: dict[Name, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Robot -> its actions, where there is more than one robot; together all actions, in their order."""
     initial: Region | None = None
-    """Where the referee's starts lie. None on an environment, where they are seeds."""
+    """The places of the referee's starts. None on an environment, where they are seeds."""
     features: Literal["engineered", "state", "formula"] = "engineered"
-    """What policies see of a system: `System.features`, or `System.scaled_state`, the state alone, or with the state
+    """The policies' view of a system: `System.features`, or `System.scaled_state`, the state alone, or with the state
     the view of the formula (`view.FormulaView`). An environment shows its observation, for `formula` with the view."""
     training: TrainingEpisodes = TrainingEpisodes()
     best_known: BestKnown | None = None
-    """What the policies' robustness is compared with, beside the controller by hand."""
+    """The measures of the policies' robustness, beside the controller by hand."""
     baselines: Baselines | None = None
     """The measured baselines; they are measured when they are needed where left out."""
     starts: Count = 64

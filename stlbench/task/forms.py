@@ -42,7 +42,7 @@ def _joined(args: Sequence[Formula]) -> Formula | None:
 
 
 def _inner(formula: Formula) -> Formula:
-    """What stands inside of F or G."""
+    """The operand of F or G."""
     match formula:
         case Or(args) if all(isinstance(arg, Always) for arg in args):
             windows = [arg for arg in args if isinstance(arg, Always)]

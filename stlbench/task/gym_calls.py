@@ -16,17 +16,17 @@ _STEP = "the environment's step returns observation, reward, terminated, truncat
 _SEEDED = "the environment's reset takes a seed and options, `def reset(self, *, seed=None, options=None)`"
 
 _OTHER_API = re.compile(r"values to unpack|unexpected keyword argument '(seed|options)'|has no attribute 'items'")
-"""What Python says where the caller of an environment of another API trips over it."""
+"""Python's errors where the caller of an environment of another API trips over it."""
 
 
 def begun(env: Any, **options: Any) -> tuple[Any, Any]:
-    """What `env.reset(**options)` returns, observation and info. Raises `UsageError` where it is not of Gymnasium."""
+    """The result of `env.reset(**options)`, observation and info. Raises `UsageError` where it is not of Gymnasium."""
     observation, info = _returned(_RESET, 2, lambda: env.reset(**options))
     return observation, info
 
 
 def stepped(env: Any, action: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """What `env.step(action)` returns. Raises `UsageError` where it is not the five values of Gymnasium."""
+    """The result of `env.step(action)`. Raises `UsageError` where it is not the five values of Gymnasium."""
     observation, reward, terminated, truncated, info = _returned(_STEP, 5, lambda: env.step(action))
     return observation, reward, terminated, truncated, info
 

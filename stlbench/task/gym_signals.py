@@ -75,7 +75,7 @@ def number(given: Any) -> float:
 
 
 def numbers(given: Any, count: int) -> Array:
-    """What a task's class returned as `count` signals. Raises `UsageError`."""
+    """The values that a task's class returned as `count` signals. Raises `UsageError`."""
     try:
         signals = np.array([number(value) for value in given])
     except (TypeError, ValueError) as error:

@@ -21,10 +21,10 @@ from stlbench.task.gym_names import names_of
 from stlbench.task.gym_spaces import LARGE, Entries, Names, Observed, entries_of, outside_space
 
 _STEPS, _SECONDS = 200, 0.05
-"""Where the environment says nothing: steps of an episode, seconds of a step."""
+"""Values where the environment says nothing: steps of an episode, seconds of a step."""
 
 _EPISODES, _PLAYED = 20, 10_000
-"""Of random actions, that show the magnitude of entries without ends; the most steps of all of them together."""
+"""Episodes of random actions, which show the magnitude of entries without ends; the most steps of all together."""
 
 _LEAST = 20
 """Steps that are played however slow the environment is."""
@@ -37,7 +37,7 @@ _FLOOR = 0.1
 an object that they never touch, and a trained policy moves them."""
 
 _MOST = 500
-"""Entries that a draft names. Of pictures, which have thousands, none has a meaning."""
+"""Entries that a draft names. Pictures have thousands, none with a meaning."""
 
 
 def sketch(identifier: str, keywords: Mapping[str, Any] | None = None, seconds: float | None = None) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def _said(end: float) -> float | None:
 
 
 class _Samples(NamedTuple):
-    """Of the observations in episodes of random actions."""
+    """The ranges of the observations in episodes of random actions."""
 
     named: Array
     """The magnitudes (N, e) of the named entries."""

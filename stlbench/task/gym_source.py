@@ -144,7 +144,7 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
 
 @lru_cache(maxsize=8)
 def _shared(environment: str, texts: str) -> GymSource:
-    """By the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
+    """Sources by the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
     entry = Environment.model_validate_json(environment)
     return GymSource(partial(_by_id, entry), entry, json.loads(texts))
 

@@ -62,14 +62,14 @@ def _names(count: int) -> tuple[str, ...]:
 
 
 def as_action(space: Space[Any], vector: Array) -> Any:
-    """What an environment with that action space takes, for a vector (axes,)."""
+    """The action that an environment with that action space takes, for a vector (axes,)."""
     if isinstance(space, Discrete):
         return np.int64(vector[0])
     return vector.reshape(space.shape).astype(space.dtype)
 
 
 Names: TypeAlias = Sequence[str] | Mapping[str, Sequence[str]]
-"""Of all entries of an array, in their order; of a Dict observation, key -> those of its array."""
+"""The names of all entries of an array, in their order; for a Dict observation, key -> those of its array."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Entries:
 
     names: tuple[str, ...] = ()
     keys: tuple[str, ...] | None = ()
-    """Of a Dict observation, the keys of the arrays that are named; None where the observation is one array."""
+    """The keys of the arrays of a Dict observation that are named; None where the observation is one array."""
 
     def of(self, space: Space[Any], key: str) -> Entries:
         """Those of one array of an observation from `space`, as if it were the whole; of a Dict the one at `key`."""
@@ -106,7 +106,7 @@ class Entries:
 
 
 def outside_space(what: str, where: str = "") -> UsageError:
-    """Of an observation that is not of the space that the environment has said; `where` as "at step 3"."""
+    """The error for an observation that is not of the space that the environment has said; `where` as "at step 3"."""
     return UsageError(f"the environment returned an observation outside its space{where and ' ' + where}: {what}")
 
 
@@ -129,7 +129,7 @@ def entries_of(space: Space[Any], names: Names | None) -> Entries:
 
 
 def _named_parts(space: Space[Any], names: Names) -> Iterator[tuple[str, Space[Any], Sequence[str]]]:
-    """What is named in words, its space, and the names."""
+    """The named thing in words, its space, and the names."""
     if not isinstance(names, Mapping):
         if isinstance(space, Dict):
             raise UsageError("names: the observation is a Dict; give a mapping, {key: names of its entries}")
@@ -151,7 +151,7 @@ class Beyond(NamedTuple):
     """An entry of an observation that lies beyond the ends of its space."""
 
     row: int
-    """Of the observations that were given, the first where it does."""
+    """The first of the given observations where it does."""
     name: str | None
     said: str
 
@@ -191,7 +191,7 @@ class Observed:
         self._least, self._most = self.scaled(ends) + np.array([[-_ROUNDING], [_ROUNDING]])
 
     def name(self, place: int) -> str:
-        """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
+        """The name of the number at a place of the flat observation: 'v', or number 3 of the observation."""
         return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
 
     def described(self, shown: Observation) -> Observation:
@@ -208,7 +208,7 @@ class Observed:
         return cast(Array, flat)
 
     def scaled(self, flat: Array) -> Array:
-        """What the policy sees: (N, d) -> (N, d)."""
+        """The policy's view: (N, d) -> (N, d)."""
         seen: Array = (flat - self._middle) / self._reach
         return seen
 
@@ -229,7 +229,7 @@ class Observed:
         return Beyond(row, self._names.get(place), said)
 
     def own(self, seen: Array) -> NDArray[Any]:
-        """What the environment itself shows, from what the policy sees: (N, d) -> (N, d), of the space's own type."""
+        """The environment's own observation, from the policy's view: (N, d) -> (N, d), of the space's own type."""
         flat = seen * self._reach + self._middle
         return (flat if self._type.kind == "f" else np.rint(flat)).astype(self._type)
 

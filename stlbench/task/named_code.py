@@ -13,7 +13,7 @@ from stlbench.task.reading import read_task_file
 
 
 def code_of(home: Path) -> tuple[str, ...]:
-    """What the folder of a task runs, in a few words each; none where it is data alone.
+    """The code that the folder of a task runs, in a few words each; none where it is data alone.
 
     Ask it before the folder is known (`folders.know`), where the user did not name that folder as a task. Raises
     `UsageError` as `file_of`.
@@ -33,7 +33,7 @@ def file_of(home: Path) -> TaskFile:
 
 
 def imported(environment: Environment) -> Iterator[str]:
-    """What has a module imported: an id that says where it is registered, or a text among the arguments.
+    """The texts that have a module imported: an id that says where it is registered, or a text among the arguments.
 
     An id that an installed package has registered is none. Environments may import what a text names, as a class of
     vehicles, or make another environment of it.

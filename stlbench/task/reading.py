@@ -1,4 +1,4 @@
-"""From the texts of a `task.yaml` and a `by_hand.yaml` to a task file, or to all that is wrong with it."""
+"""Makes the texts of a `task.yaml` and a `by_hand.yaml` a task file, or names all that is wrong with it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from stlbench.task.yaml_text import load_yaml
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read: a file, or errors and the entries that are right by themselves."""
+    """The result of reading: a file, or errors and the entries that are right by themselves."""
 
     file: TaskFile | None
     parts: Parts
@@ -93,7 +93,7 @@ def _timing(content: Any) -> Timing:
 
 
 _TYPE = re.compile(r"(dict|tuple)\[")
-"""Of a place that may have values of several types, Pydantic names the type too."""
+"""Pydantic also names the type at a place that may have values of several types."""
 
 
 def _lines(error: ValidationError) -> Iterator[str]:

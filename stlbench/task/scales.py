@@ -33,7 +33,7 @@ class Scale(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Where a difference decides: the smaller of the two, as the radius of a goal or of an obstacle."""
+        """The size at which a difference decides: the smaller of the two, as the radius of a goal or of an obstacle."""
         return min(self.best, self.worst)
 
     @property

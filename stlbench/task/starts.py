@@ -1,4 +1,4 @@
-"""Where the episodes of a task begin: for the report, for the selection of checkpoints, in training, and elsewhere.
+"""The starts of a task's episodes: for the report, for the selection of checkpoints, in training, and elsewhere.
 
 The sets share no start, so that no policy is reported from where it was trained or chosen. Starts of a system are
 states, drawn for training and laid out on a fixed grid for the referee; those of an environment are seeds.
@@ -35,7 +35,7 @@ class StateStarts:
 
     @property
     def initial(self) -> Region:
-        """Where the referee's starts lie, in the system's coordinates."""
+        """The places of the referee's starts, in the system's coordinates."""
         assert self.file.initial is not None
         return self.file.initial
 
@@ -52,12 +52,12 @@ class StateStarts:
         return begun(self.system, grid(protocol.initial or self.initial, protocol.starts))
 
     def of_training(self, generator: np.random.Generator, count: int) -> Array:
-        """Where that many training episodes begin. All randomness is the generator's."""
+        """The starts of that many training episodes. All randomness is the generator's."""
         return sampled_states(self.system, self.file.training.starts or self.initial, generator, count)
 
 
 _SELECTION, _RANDOM, _PROTOCOLS, _FRESH, _TRAINING, _END = 10**5, 2 * 10**5, 3 * 10**5, 10**6, 2**30, 2**31
-"""Where the ranges of seeds begin; those of the report's grid begin at 0."""
+"""The beginnings of the ranges of seeds; those of the report's grid begin at 0."""
 
 
 @dataclass(frozen=True)

@@ -51,13 +51,13 @@ class Task:
     """The plugin, and for an ablation what it is without: overlap[without=cuts]."""
     file: TaskFile
     dynamics: Dynamics
-    """What moves: a system, whose state can be set, or an environment or a world, whose starts are seeds."""
+    """The thing that moves: a system, whose state can be set, or an environment or a world, whose starts are seeds."""
     lacking: tuple[str, ...] = ()
-    """What the choice leaves out and the file does not have. The track `auto` may derive it."""
+    """The parts that the choice leaves out and the file does not have. The track `auto` may derive it."""
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the choice leaves out."""
+        """The parts that the choice leaves out."""
         return tuple(_left_out(self.choice))
 
     @property
@@ -119,7 +119,7 @@ class Task:
 
     @cached_property
     def view(self) -> FormulaView | None:
-        """What policies see of the formula, with `features: formula`."""
+        """The policies' view of the formula, with `features: formula`."""
         if self.file.features != "formula":
             return None
         bent = self._bent(self.dynamics) if isinstance(self.dynamics, System) else None
@@ -142,7 +142,7 @@ class Task:
     def own_agent(self) -> str:
         """The agent that the task is trained with unless another is named: the first that it has a recipe for.
 
-        Of a task without recipes, the kind of its actions says which, and the number of its robots.
+        If a task has no recipes, the kind of its actions and the number of its robots say which.
         """
         return next(iter(self.file.agents), agent_for(self.actions))
 
@@ -240,7 +240,7 @@ def _count(text: str) -> int:
 
 
 def _texts(name: str, kind: type) -> tuple[str, str | None]:
-    """Of `task.yaml`, and of `by_hand.yaml` where there is one."""
+    """The texts of `task.yaml`, and of `by_hand.yaml` where there is one."""
     package = kind.__module__.rpartition(".")[0]
     if not package:
         raise UsageError(f"task {name}: {kind.__module__} is in no package; a task is a package with a task.yaml")
@@ -259,7 +259,7 @@ def _text(file: Traversable, name: str) -> str | None:
 
 
 def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
-    """What moves, with the file's parameters; None where what it is made of is wrong. Raises `ValueError`."""
+    """The thing that moves, with the file's parameters; None where what it is made of is wrong. Raises `ValueError`."""
     if "parameters" not in parts:
         return None
     kind = plugin.load()
@@ -278,7 +278,7 @@ def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
 
 
 def _misfits(dynamics: Dynamics | type[Dynamics], parts: Parts) -> Iterator[str]:
-    """What of the file is for another kind of task; boxes of initial states use the names of the system's states."""
+    """The file's entries for another kind of task; boxes of initial states use the names of the system's states."""
     kind = dynamics if isinstance(dynamics, type) else type(dynamics)
     if issubclass(kind, System):
         system = cast(System | type[System], dynamics)

@@ -1,4 +1,4 @@
-"""What a formula is like: words that formulas of the same form share."""
+"""The traits of a formula: words that formulas of the same form share."""
 
 from __future__ import annotations
 

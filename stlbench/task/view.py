@@ -15,9 +15,9 @@ from stlbench.task.scales import Box, as_margin, reach, scale
 from stlbench.task.windows import Window, windows
 
 FEW_GOALS = 6
-"""Of a group with at most so many goals, a policy sees the quantities of all at all times."""
+"""A policy sees the quantities of all goals at all times in a group of at most so many."""
 MOST_FEATURES = 64
-"""Of an environment with more numbers than this, such as pictures, no products with directions are shown."""
+"""An environment with more numbers than this, such as pictures, shows no products with directions."""
 _INSIDE = frozenset({"norm", "norminf", "abs", "hypot"})
 
 
@@ -103,7 +103,7 @@ class _Turns:
 
 
 class FormulaView:
-    """What follows the state in an observation on the track `auto`. It serves every system and environment.
+    """The part of an observation after the state, on the track `auto`. It serves every system and environment.
 
     The windows of the formula are invariants and goals. Goals over the same signals form a group, in which they take
     turns by their deadlines. The view shows, in this order:
@@ -147,7 +147,7 @@ class FormulaView:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What is shown, for people."""
+        """The names of what is shown, for people."""
         return tuple(dict.fromkeys(map(str, self._columns.quantities)))
 
     def __call__(self, state: Array, signals: Array, t: Integers) -> Array:
@@ -185,7 +185,7 @@ def _quantities(window: Window, box: Box) -> Iterator[_Quantity]:
 
 
 def _arguments(expressions: Iterable[Expression]) -> Iterator[Expression]:
-    """What norms and absolute values are taken of, which has a sign."""
+    """The arguments of norms and absolute values, which have a sign."""
     for expression in expressions:
         match expression:
             case Call(name, args) if name in _INSIDE:

@@ -16,7 +16,7 @@ MOST = 200_000
 
 
 def load_yaml(text: str, place: str) -> Any:
-    """The content of a text, which comes from `place`. Of characters that no terminal takes it has the escapes.
+    """The content of a text, which comes from `place`. It has the escapes of characters that no terminal takes.
 
     Raises:
         UsageError: it is no YAML, a mapping has a key twice, a value is none of its type (2001-99-99), a text is none
@@ -76,7 +76,7 @@ def _check(node: yaml.Node | None, seen: set[int]) -> None:
 
 
 def _size(value: Any, known: dict[int, int]) -> int:
-    """How many values there are in it. What is within itself has too many."""
+    """How many values there are in it. A value within itself has too many."""
     if not isinstance(value, Mapping | list | set | tuple):
         return 1
     if id(value) not in known:

@@ -64,7 +64,7 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
 
 
 def _work(item: _Item, home: Place = ("", 0)) -> Any:
-    """What a worker does. Nothing that would harm this process is done in it."""
+    """The work of a worker. Nothing that would harm this process is done in it."""
     if item.what == "raise":
         raise ValueError(f"item {item.number}\nof two lines")
     if item.what == "place" or (item.what in ("sleep", "exit", "change", "leave") and home == _place()):

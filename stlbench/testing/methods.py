@@ -151,7 +151,7 @@ def _traces(specification: Specification) -> Array:
 
 
 def check_over(method: RewardMethod, rules: Rules, memory: Array, reward: Array, after: Array) -> None:
-    """Of one step of N copies: memories (N, m) before and after it, and what it was paid (N,)."""
+    """The rule on one step of N copies: memories (N, m) before and after it, and what it was paid (N,)."""
     over = rules.function("over", method.over, (memory,), (len(memory),))
     rules.keep(over.dtype.kind == "b", "over gives bool", over.dtype)
     rules.keep(not reward[over].any(), "nothing is paid after it is over", reward[over])
@@ -161,7 +161,7 @@ def check_over(method: RewardMethod, rules: Rules, memory: Array, reward: Array,
 def check_counterfactual(
     method: RewardMethod, rules: Rules, signals: Array, next_signals: Array, t: int, memory: Array
 ) -> None:
-    """Of one step of N copies: samples (N, k) before and after it, the step, and memories (N, m) before it."""
+    """The rule on one step of N copies: samples (N, k) before and after it, the step, and memories (N, m) before it."""
     rows, at = len(memory), np.full(len(memory), t)
     chance = np.random.default_rng(t).random(memory.shape)
     other = rules.function("counterfactual", method.counterfactual, (signals, at, memory, chance), memory.shape)

@@ -30,7 +30,7 @@ class Rules:
     def __init__(self) -> None:
         self._kept = dict[str, None]()
         self.warnings = list[str]()
-        """What breaks no rule and is probably a mistake, a line each."""
+        """Things that break no rule and are probably mistakes, a line each."""
 
     @property
     def kept(self) -> tuple[str, ...]:

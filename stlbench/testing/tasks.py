@@ -29,7 +29,7 @@ def check_task(name: str, rules: Rules | None = None) -> None:
     of an environment or a world: the same seed and actions give the same episode, in any copy, and whatever it did
     before; a copy that has ended stands still.
 
-    Of both: samples and features are finite; the first samples lie in the signals' ranges, and features of what is in
+    Both: samples and features are finite; the first samples lie in the signals' ranges, and features of what is in
     there within [-5, 5]; the nested form has the formula's robustness, and the rewarded one is satisfied when the
     formula is; the controller, where there is one, satisfies the formula from some of the report's starts; constant
     actions get what the file states that they get; recipes are for agents that are installed, and fit them; the task's
@@ -107,7 +107,7 @@ def _check_controller(task: Task, rules: Rules) -> None:
 
 
 def _check_baselines(task: Task, rules: Rules) -> None:
-    """Warn of a trivial task. What its file states of constant actions must be what they get."""
+    """Warn of a trivial task. Constant actions must get what its file states."""
     found = baselines.constants(task)
     if found.trivial:
         share = 100 * max(found.zero.satisfaction, found.best.satisfaction)

@@ -87,7 +87,7 @@ def _check_samples(rules: Rules, samples: Array, before: Array, shape: tuple[int
 
 
 def _finite(task: Task, samples: Array, t: int) -> tuple[bool, str, object]:
-    """Of samples (hold + 1, N, k), the first at step t: the rule, and the first sample that breaks it."""
+    """The rule, and the first sample that breaks it, of samples (hold + 1, N, k), the first at step t."""
     wrong = np.argwhere(~np.isfinite(samples))
     got = [f"{task.signals[k]} is {samples[i, row, k]} at step {t + i} of copy {row}" for i, row, k in wrong[:1]]
     return not got, "samples are finite", "".join(got)

@@ -17,7 +17,7 @@ class DifferentialDrive(System):
 
     state = ("x", "y", "heading")
     room: ClassVar[tuple[float, float]]
-    """From where to where x lies, and y, as the task file has it, in metres: what `scaled_state` has from -1 to 1."""
+    """The ranges of x and y, as the task file has it, in metres: what `scaled_state` has from -1 to 1."""
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 3), (N, 2) -> (N, 3)."""

@@ -18,7 +18,7 @@ from stlbench.contract import Array, System
 from stlbench.contract.presentation import Pixels
 
 _WIDTH, _HEIGHT = 480, 360
-"""Of a picture; the models draw into at most 640 by 480."""
+"""Width and height of a picture; the models draw into at most 640 by 480."""
 
 _MISSING = 'it needs the extra mujoco: pip install "stlbench-rl[mujoco]"'
 if sys.version_info >= (3, 13):
@@ -153,7 +153,7 @@ def _mujoco() -> Any:
 
 
 def _path(package: str, path: str) -> str:
-    """Of a file of a package that is not imported: the environments of both packages take long and print advice."""
+    """The path in a package that is not imported: the environments of both packages take long and print advice."""
     spec = find_spec(package)
     if spec is None or spec.origin is None:
         raise ImportError(_MISSING)

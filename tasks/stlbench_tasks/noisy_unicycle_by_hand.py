@@ -1,4 +1,4 @@
-"""What a person made for policies to see of the tasks dwell and patrol."""
+"""Features that a person made for policies on the tasks dwell and patrol."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class NoisyUnicycleByHand(NoisyUnicycle):
     def features(self, state: Array, t: Integers) -> Array:
         """The pose, and each region from there: (N, 12).
 
-        x and y from -1 to 1 over the room, the heading's cosine and sine. Of A, then of B: the centre's distance over
+        x and y from -1 to 1 over the room, the heading's cosine and sine. A, then B: the centre's distance over
         5 m and as tanh over 0.5 m, and its bearing's cosine and sine, which fade out at the centre.
         """
         columns = [self.scaled_state(state)]

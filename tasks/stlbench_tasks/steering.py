@@ -36,11 +36,11 @@ class Steering:
     speed: float
     """Greatest v, in m/s."""
     speed_step: float
-    """From one v of the grid to the next."""
+    """The step from one v of the grid to the next."""
     turn: float
     """Greatest omega, in rad/s."""
     turn_step: float
-    """From one omega of the grid to the next."""
+    """The step from one omega of the grid to the next."""
     held: float
     """Seconds for which an action is held: where it can, the robot arrives within them."""
 

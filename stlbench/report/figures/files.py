@@ -239,7 +239,7 @@ def _groups(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
 
 
 def _ranks(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
-    """Of drawn tasks alone, since the tests are over a sample of tasks; of three methods or more that all fit."""
+    """For drawn tasks alone, since the tests are over a sample of tasks; for three methods or more that all fit."""
     label = "The mean rank of each method over the drawn tasks, and which methods may be alike"
     fitting = [field for field in fields if field.groups and all(all(entry.scores) for entry in field.entries)]
     return [

@@ -25,7 +25,7 @@ def groups(field: Field) -> Figure:
     """Draw one row for each group, kinds of groups apart, and one column for each method.
 
     An entry has the share of seeds that learned, which is its colour, and below it the mean score, both over the tasks
-    common to the methods. Of a method that does not fit these they are over all that it fits, in brackets and without a
+    common to the methods. If a method does not fit these, they are over all that it fits, in brackets and without a
     colour. An empty entry means that it fits none.
     """
     kinds = [list(lines) for _, lines in groupby(group_lines(field), key=lambda line: line.part.kind)]

@@ -1,4 +1,4 @@
-"""What all figures lay out alike: titles and legends that fit, and axes whose values span orders of magnitude."""
+"""The common layout of all figures: titles and legends that fit, and axes whose values span orders of magnitude."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEVEL = INK  # the grey of the line at robustness 0
 REGION_ALPHA = 0.18
 _LETTERS_PER_INCH = 13.5  # of a title, which is set in 9 points
 _LETTER, _KEY = 0.56, 6
-"""Of a legend: the width of a letter, as a share of its height; letters that a line or a patch takes."""
+"""Numbers of a legend: the width of a letter, as a share of its height; letters that a line or a patch takes."""
 
 
 def figure_of(height: float) -> Figure:
@@ -90,7 +90,7 @@ class Window(NamedTuple):
 
 
 def window(groups: Iterable[Iterable[float]]) -> Window | None:
-    """Where to end an axis so that values of the best groups can be told apart; None if it can show all.
+    """The end of an axis so that values of the best groups can be told apart; None if it can show all.
 
     The distance of a value is from the best of all, or from 0 if none is positive. A group has that of its median. The
     axis shows 0, and values up to five times as far as the nearest group, or as the best value is above 0. It shows all

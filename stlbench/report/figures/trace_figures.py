@@ -39,7 +39,7 @@ _FORMULA = "the formula itself"
 
 @dataclass(frozen=True)
 class Job:
-    """What is drawn, from which traces, and where the figures go."""
+    """The pictures to draw, from which traces, and where the figures go."""
 
     run: Path  # the run's folder, where the traces lie
     out: Path  # where the figures go; they replace earlier ones
@@ -154,7 +154,7 @@ def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[Pla
 
 
 def _draw_plans(task: Task, plans: Sequence[Plan], job: Job) -> Iterator[Path]:
-    """What the formula asks for first, then what rewards do."""
+    """The formula's demands first, then those of rewards."""
     if "planned" in job.only:
         ordered = sorted(plans, key=lambda plan: (plan.name != _FORMULA, not plan.name.endswith(RECIPE)))
         for end, page in pages(ordered, PLANS_PER_FIGURE):

@@ -57,7 +57,7 @@ class Entry:
 
     @property
     def coverage(self) -> str:
-        """On how many of the tasks it fits: "11 of 12"."""
+        """The number of tasks that it fits: "11 of 12"."""
         return f"{len(self.runs)} of {len(self.scores)}"
 
 

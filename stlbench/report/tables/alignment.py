@@ -1,4 +1,4 @@
-"""What the best policy by a reward is worth by the formula, between what is possible and what was learned."""
+"""The worth, by the formula, of the best policy by a reward, between what is possible and what was learned."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class Aligned:
 
     @property
     def reward_loses(self) -> float | None:
-        """By how much the best policy by the reward is worse than what is possible."""
+        """The loss of the best policy by the reward against what is possible."""
         return _difference(self.best_known, self.reward_optimal)
 
     @property
     def learner_loses(self) -> float | None:
-        """By how much what was learned is worse than the best policy by the reward."""
+        """The loss of what was learned against the best policy by the reward."""
         return _difference(self.reward_optimal, self.selected)
 
 
@@ -132,9 +132,9 @@ def _row(method: str, several: Sequence[Group], learned: Sequence[Group], known:
 
 
 def _learned(plan: Group, learned: Sequence[Group], known: Known) -> Group | None:
-    """What the task's own agent learned with the method in the same setting; None if nobody trained it so.
+    """The results of the task's own agent with the method in the same setting; None if nobody trained it so.
 
-    Of several budgets the plan's counts, else the largest.
+    Among several budgets the plan's counts, else the largest.
     """
     setting, standard = plan.setting, known.standards.get(plan.setting.task.name)
     own_agent = standard.own_agent if standard else None

@@ -13,7 +13,7 @@ from stlbench.statistics.differences import Difference, Word
 from stlbench.statistics.intervals import Interval, mean, median_interval
 
 MOST_ROWS = 24
-"""Of more results on several tasks the screen has a row for each method, not for each method on each task."""
+"""More results on several tasks get a row for each method on the screen, not for each method on each task."""
 _LINES = 10
 """Pairs of methods that have a line."""
 _NAMED = 3
@@ -30,7 +30,7 @@ _SAID: Mapping[Word, str] = {
 
 
 def answer_table(groups: Sequence[Group], known: Known, most: int = MOST_ROWS) -> Table:
-    """What each method learned: a row for each method on each task, or for each method where rows are too many.
+    """The results of each method: a row for each method on each task, or for each method where rows are too many.
 
     The groups are of agents that learn, or of policies from outside. Times are CPU seconds of a cell.
     """

@@ -14,7 +14,7 @@ from stlbench.report.tables.table import Column, Table, Value
 from stlbench.statistics.intervals import Interval, mean_interval, share_interval
 
 _APART = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
-"""What has no column, or one of the last."""
+"""The values without a column, or with one of the last."""
 
 
 CELL: Mapping[Column, Callable[[Row], Value]] = {
@@ -153,7 +153,7 @@ def time_table(groups: Sequence[Group]) -> Table:
 
 
 def _interval_of(name: str) -> Callable[[Group], Value]:
-    """Of the mean, cut at 0: the interval of two seeds is wide."""
+    """The interval of the mean, cut at 0: the interval of two seeds is wide."""
     return lambda group: (ends := mean_interval(group.values(name))) and Interval(max(ends.low, 0.0), ends.high)
 
 

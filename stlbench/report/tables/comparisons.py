@@ -35,7 +35,7 @@ def contests(groups: Iterable[Group]) -> dict[tuple[Choice, Choice, str, Track],
 
 
 def mark(group: Group, contest: Contest, known: Known) -> str:
-    """What a reader has to know of a group: some of the characters *, = and ~, or none."""
+    """The marks that a reader has to know of a group: some of the characters *, = and ~, or none."""
     likenesses = {known.likeness(group.setting, other.setting) for other in contest if other is not group}
     return "".join(["*" if group.extension else "", *sorted(each for each in likenesses if each)])
 

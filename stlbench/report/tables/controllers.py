@@ -1,4 +1,4 @@
-"""What the policies of a task are compared with: its controller, the baselines, the best known and its bound."""
+"""The measures for the policies of a task: its controller, the baselines, the best known and its bound."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of tasks without the results."""
+    """The facts known of tasks without the results."""
 
     standards: Mapping[str, Standard] = field(default_factory=dict)
-    """By the task's name: what its controller and the baselines get."""
+    """The scores of a task's controller and baselines, by the task's name."""
     best: Mapping[Choice, float] = field(default_factory=dict)
-    """Of each task, or ablation of one, the best known robustness of its formula (`best_known`)."""
+    """The best known robustness (`best_known`) of the formula of each task, or ablation of one."""
 
     def by_hand(self, task: Choice) -> float | None:
         """The mean robustness of the task's controller; an ablation has its task's controller."""
@@ -74,7 +74,7 @@ def best_known(groups: Sequence[Group], standards: Mapping[str, Standard]) -> di
 
 
 def _formula(task: Choice) -> _Formula:
-    """What decides the best known: the task, and whether it is without `hold`."""
+    """The choices that decide the best known: the task, and whether it is without `hold`."""
     return task.name, "hold" in dict(task.parameters).get("without", "").split("+")
 
 
@@ -130,11 +130,11 @@ _PARTS: Mapping[str, tuple[_Columns, str]] = {
         "shows how a method holds what it has, and does not show that it learns anything.",
     ),
 }
-"""What some task must have: the columns that there are then, and a note."""
+"""The things that some task must have: the columns that there are then, and a note."""
 
 
 def controllers_table(standards: Mapping[str, Standard]) -> Table:
-    """What controllers and baselines get, and what is best known: one row for each task that has any of it."""
+    """The scores of controllers and baselines, and the best known: one row for each task that has any of it."""
     known = [(task, each) for task, each in standards.items() if any(getattr(each, part) for part in _PARTS)]
     parts = [content for part, content in _PARTS.items() if any(getattr(each, part) for _, each in known)]
     columns: dict[Column, Callable[[tuple[str, Standard]], Value]] = {

@@ -30,7 +30,7 @@ _LATEX = {
     "]": "{]}",
 } | {character: "\\" + character for character in "&%$#_{}"}
 _CHARACTERS: Mapping[Width, int] = {"column": 64, "page": 130}
-"""Of 3.95 points, as 8-point text takes them with the space between columns.
+"""Characters of 3.95 points, as 8-point text takes them with the space between columns.
 
 A column of IEEE has 252 points, a page 516."""
 _LINES = 60  # of 9.5 points, on a page of IEEE, with its caption
@@ -157,7 +157,7 @@ def _latex_text(text: str) -> str:
 
 
 def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
-    """Print the table as wide as the console. What all rows share goes into the title, long texts go below.
+    """Print the table as wide as the console. A value that all rows share goes into the title, long texts go below.
 
     A table that is too wide loses columns. One without such columns comes in parts, one below the other. To `explain`,
     a line names the columns that are left out, and notes follow.

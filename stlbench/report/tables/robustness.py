@@ -41,7 +41,7 @@ def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) 
 
 
 def _learned_by(method: Choice, known: Known, contest: Contest) -> Value:
-    """What a method learned; how its seeds ended if none finished, and None without any."""
+    """The results of a method; how its seeds ended if none finished, and None without any."""
     group = next((group for group in contest if group.setting.method == method), None)
     if group is None:
         return None
@@ -117,7 +117,7 @@ _FINAL: dict[Column, Callable[[Group], Value]] = {
         lambda group: _percent_interval(group, "final_learned")
     ),
 }
-"""Of the policy at the end of training."""
+"""The scores of the policy at the end of training."""
 
 
 def _unless_outside(value: Callable[[Group], Value], group: Group) -> Value:
@@ -165,7 +165,7 @@ def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
 
 
 def _outside_notes(groups: Sequence[Group]) -> Iterator[str]:
-    """What the mark means, and the source of each policy."""
+    """The meaning of the mark, and the source of each policy."""
     if groups:
         rule = "not trained by stlbench: its budget is unknown. It is in no comparison and in no statistic."
         yield f"Marked {MARK}: {rule}"

@@ -25,7 +25,7 @@ CurveRow = tuple[int, float, float]
 
 @dataclass(frozen=True)
 class Numbers:
-    """What the report needs of one finished cell. Satisfaction in [0, 1], times in seconds."""
+    """The data of one finished cell that the report needs. Satisfaction in [0, 1], times in seconds."""
 
     satisfaction: float
     robustness_mean: float

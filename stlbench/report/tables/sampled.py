@@ -24,7 +24,7 @@ class Part(NamedTuple):
     kind: str  # of groups, such as template
     group: str
     places: tuple[int, ...]
-    """Of its tasks in the field."""
+    """The number of its tasks in the field."""
 
 
 def parts(field: Field) -> Iterator[Part]:
@@ -37,7 +37,7 @@ def parts(field: Field) -> Iterator[Part]:
 
 
 def drawn(fields: Iterable[Field]) -> list[Field]:
-    """Of each budget and track the first field, if suites drew all its tasks."""
+    """The first field of each budget and track, if suites drew all its tasks."""
     first = dict[tuple[str, str], Field]()
     for field in fields:
         first.setdefault((field.budget, field.track), field)
@@ -45,7 +45,7 @@ def drawn(fields: Iterable[Field]) -> list[Field]:
 
 
 class Reached(NamedTuple):
-    """What a method reached on some tasks of a part, or how much more than another method."""
+    """A method's score on some tasks of a part, or its lead over another method."""
 
     tasks: int
     learned: Estimate  # shares of seeds in [0, 1], or their difference
@@ -163,7 +163,7 @@ def pairs_table(fields: Iterable[Field]) -> Table:
 
 
 def _more(one: Entry, other: Entry, places: Sequence[int]) -> Reached:
-    """By how much the one has more."""
+    """The lead of the one over the other."""
     learned = ([entry.learned[place] for place in places] for entry in (one, other))
     scores = (_of(entry.scores, places) for entry in (one, other))
     return Reached(len(places), sampled.share_difference(*learned), sampled.difference(*scores))

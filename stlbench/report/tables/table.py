@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, TypeVar
 from stlbench.statistics.intervals import Interval
 
 Width = Literal["column", "page"]
-"""What a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""
+"""The width that a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""
 NOTHING = "-"  # what is shown where there is nothing to show
 
 
@@ -37,7 +37,7 @@ class Share(NamedTuple):
 
 
 class FirstFailed(NamedTuple):
-    """What starts that violate the formula most often failed first."""
+    """The conjunct that most often failed first, among starts that violate the formula."""
 
     formula: str
     starts: int  # that failed it first
@@ -76,7 +76,7 @@ class Column:
     kind: type[Compound] | None = None  # of compound values
     right: bool = True  # aligned to the right, as numbers are
     drop: int = 0
-    """On a narrow screen columns go from the highest number down; 0 always stays. Files have all columns."""
+    """A narrow screen drops columns from the highest number down; 0 always stays. Files have all columns."""
     shared: bool = False  # on screen, moves into the title where all rows say the same
     below: bool = False  # long text: on screen it is a line under the table
 

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of annulus."""
+"""Features that a person made for policies on annulus."""
 
 from __future__ import annotations
 

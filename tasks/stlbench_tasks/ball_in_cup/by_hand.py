@@ -1,4 +1,4 @@
-"""What a person made for policies to see of ball-in-cup."""
+"""Features that a person made for policies on ball-in-cup."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class BallInCupByHand(BallInCup):
     beyond_state = ("whether the ball is to be caught", "where the ball is from the cup")
 
     def features(self, state: Array, t: Integers) -> Array:
-        """Where the cup is, where the ball is from it, their speeds, and what is asked for at t: (N, 9).
+        """The cup's place, the ball's from there, their speeds, and what is asked for at t: (N, 9).
 
         Places of the cup over 0.33 m and of the ball over 0.25 m, speeds over 2 m/s; 1 where the ball is to be caught
         and -1 where it is to be let go.

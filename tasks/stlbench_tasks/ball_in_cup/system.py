@@ -55,7 +55,7 @@ class BallInCup(MujocoSystem):
     def scaled_state(self, state: Array) -> Array:
         """Places of cup and ball, each from its own zero, over 0.33 m, and their speeds over 2 m/s: (N, 8).
 
-        Where MuJoCo's solver starts its search, the rest of the state, is not shown.
+        The rest of the state, where MuJoCo's solver starts its search, is not shown.
         """
         return np.concatenate([state[:, :4] * 3, state[:, 4:8] / 2], axis=1)
 

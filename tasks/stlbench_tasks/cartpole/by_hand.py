@@ -1,4 +1,4 @@
-"""What a person made for policies to see of cartpole."""
+"""Features that a person made for policies on cartpole."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class CartpoleByHand(Cartpole):
     beyond_state = ("which place counts", "a close-up of the way to it", "a close-up of the angle")
 
     def features(self, state: Array, t: Integers) -> Array:
-        """Where the cart is, how the pole stands, both speeds, and the place that counts at t: (N, 8).
+        """The cart's place, the pole's angle, both speeds, and the place that counts at t: (N, 8).
 
         Position in m, the angle's sine and cosine, speed in m/s, angular speed in 2 rad/s; to resolve what is left,
         the tanh of the way to the place over 0.2 m and of the angle over 0.1 rad; 1 for the first place, -1 for the

@@ -40,7 +40,7 @@ class Cartpole(MujocoSystem):
     def scaled_state(self, state: Array) -> Array:
         """Position over 1.8 m, the rail's end, the angle's cosine and sine, speeds over 2 m/s and 4 rad/s: (N, 5).
 
-        Where MuJoCo's solver starts its search, the rest of the state, is not shown.
+        The rest of the state, where MuJoCo's solver starts its search, is not shown.
         """
         x, theta, v, omega = state[:, :4].T
         return np.stack([x / 1.8, np.cos(theta), np.sin(theta), v / 2, omega / 4], axis=1)
@@ -53,5 +53,5 @@ class Cartpole(MujocoSystem):
 
 
 def place_at(t: Integers) -> Array:
-    """Where the cart is wanted from step t on, in m."""
+    """The place where the cart is wanted from step t on, in m."""
     return np.where(t < _SWITCH, PLACE, -PLACE)

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of cartpole-steady."""
+"""Features that a person made for policies on cartpole-steady."""
 
 from __future__ import annotations
 

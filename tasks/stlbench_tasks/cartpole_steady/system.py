@@ -11,7 +11,7 @@ _GRAVITY, _CART, _POLE, _HALF = 9.8, 1.0, 0.1, 0.5
 _LOST = 12 * 2 * np.pi / 360
 """The angle at which Gymnasium's episode terminates, in rad."""
 _GAIN = np.array([1.0, 2.2, 22.0, 4.2])
-"""Of x, its speed, theta and its speed: the sign of the sum is that of the force."""
+"""Weights of x, its speed, theta and its speed: the sign of the sum is that of the force."""
 
 
 class CartpoleSteady(System):
@@ -19,7 +19,7 @@ class CartpoleSteady(System):
 
     The equations of Barto, Sutton, Anderson (1983) with Gymnasium's constants, in explicit Euler steps, the same bit
     for bit. State and signals as there: x of the cart in m, theta of the pole in rad, 0 upright and not wrapped, and
-    their speeds. Action: the force on the cart in N. What Gymnasium ends, goes on here.
+    their speeds. Action: the force on the cart in N. Episodes that Gymnasium ends go on here.
     """
 
     state = ("x", "x_dot", "theta", "theta_dot")

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of dwell."""
+"""Features that a person made for policies on dwell."""
 
 from __future__ import annotations
 

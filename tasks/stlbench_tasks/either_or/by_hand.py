@@ -1,4 +1,4 @@
-"""What a person made for policies to see of either-or."""
+"""Features that a person made for policies on either-or."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class EitherOr(System):
 
 
 def _approach(way: Array, velocity: Array, dt: float) -> Array:
-    """What brings the robot to rest at the end of the way (N, 2) in m, as soon as it can: forces (N, 2).
+    """The forces (N, 2) that bring the robot to rest at the end of the way (N, 2) in m, as soon as it can.
 
     The next steps' places are given by the velocity; what is left then is walked at the greatest speed from which one
     or two steps of full force bring it to rest there.

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of fetch-reach."""
+"""Features that a person made for policies on fetch-reach."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class FetchReachByHand(FetchReach):
     beyond_state = ("which point counts", "a close-up of the way to it")
 
     def features(self, state: Array, t: Integers) -> Array:
-        """Where the gripper is, how it moves, and where the point that counts at t is: (N, 10).
+        """The gripper's place and velocity, and the place of the point that counts at t: (N, 10).
 
         Place from the middle of the table over 0.33 m, velocity over 1.25 m/s; the tanh of the way to the point over
         0.1 m; -1 for the first point, 1 for the second.

@@ -20,7 +20,7 @@ _REACH = 0.05
 """Metres that a component of the action can move the gripper's target ahead of it, as in the environment."""
 _MOST_MOVES, _IDLE = 5, 4
 _GAIN = 8.0
-"""Of the hand controller, a metre; from about 11 on it overshoots where actions are held 5 steps."""
+"""The gain of the hand controller, a metre; from about 11 on it overshoots where actions are held 5 steps."""
 
 
 class FetchReach(MujocoSystem):

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of formation."""
+"""Features that a person made for policies on formation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FormationByHand(Formation):
     def features(self, state: Array, t: Integers) -> Array:
         """Goals, distances and whose goal counts: (N, 27).
 
-        Of each robot's goal x and y from there, over 5 m and, to resolve the last metre, as tanh over 0.5 m; of each
+        Each robot's goal x and y from there, over 5 m and, to resolve the last metre, as tanh over 0.5 m; of each
         pair of robots the second's x and y from the first as tanh over 2 m, and how far their distance is above the
         least and below the greatest, as tanh over 0.5 m; 1 for the goal that counts at t, -1 for the others.
         """

@@ -12,7 +12,7 @@ _DEADLINES = np.array([50, 90])
 _STOPS = np.array(
     [[4.0, 3.5, 2.0, 2.25, 1.75, 3.25], [4.0, 3.5, 4.0, 2.25, 1.75, 3.0], [4.0, 3.5, 4.0, 2.25, 4.0, 1.0]],
 )
-"""Where the controller sends all robots while the first, the second, the third goal counts."""
+"""The points to which the controller sends all robots while the first, the second, the third goal counts."""
 _LEAVE = np.array([0, 5, 20, 20, 0, 0])
 """The step at which each coordinate begins to move: the first robot passes the second one, which waits for it."""
 _HELD = 0.5

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of hold-disc."""
+"""Features that a person made for policies on hold-disc."""
 
 from __future__ import annotations
 

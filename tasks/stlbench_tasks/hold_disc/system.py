@@ -15,7 +15,7 @@ class HoldDisc(DifferentialDrive):
     room = (0.0, 4.0)
 
     turn_step: ClassVar[float] = 0.5
-    """From one turning rate of the grid of actions to the next, in rad/s."""
+    """The step from one turning rate of the grid of actions to the next, in rad/s."""
 
     def controller(self, state: Array, t: Integers) -> Array:
         """Straight to the disc's centre, never away from it: (N, 2)."""

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of integrator-or."""
+"""Features that a person made for policies on integrator-or."""
 
 from __future__ import annotations
 

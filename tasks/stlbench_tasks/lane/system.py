@@ -11,7 +11,7 @@ from stlbench.contract import Array, GymTask
 
 _LEFT, _IDLE, _RIGHT, _FASTER, _SLOWER = range(5)
 _UNITS = 200.0, 16.0, 80.0
-"""Of the observation: m along the road, m across, and m/s."""
+"""The scales of the observation: m along the road, m across, and m/s."""
 _LANE, _LANES = 4.0, 4
 _FREE, _NEAR, _BETTER = 17.0, 11.0, 5.0
 """Metres to the next car: from which the controller speeds up, below which it slows down, and by how much another lane

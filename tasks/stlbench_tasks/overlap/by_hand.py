@@ -1,4 +1,4 @@
-"""What a person made for policies to see of overlap."""
+"""Features that a person made for policies on overlap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person made for policies to see of patrol."""
+"""Features that a person made for policies on patrol."""
 
 from __future__ import annotations
 

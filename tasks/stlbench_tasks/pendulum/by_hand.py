@@ -1,4 +1,4 @@
-"""What a person made for policies to see of pendulum."""
+"""Features that a person made for policies on pendulum."""
 
 from __future__ import annotations
 

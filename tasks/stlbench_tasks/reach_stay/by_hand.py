@@ -1,4 +1,4 @@
-"""What a person made for policies to see of reach-stay."""
+"""Features that a person made for policies on reach-stay."""
 
 from __future__ import annotations
 

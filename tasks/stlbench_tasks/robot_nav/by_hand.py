@@ -1,4 +1,4 @@
-"""What a person made for policies to see of robot-nav."""
+"""Features that a person made for policies on robot-nav."""
 
 from __future__ import annotations
 

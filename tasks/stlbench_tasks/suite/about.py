@@ -1,4 +1,4 @@
-"""What a system of the suite says of itself."""
+"""A description of a system of the suite."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROOM = (0.0, 6.0, "m")
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """What formulas are drawn by. Points move in a room of 6 m, a square or a line."""
+    """The sizes by which formulas are drawn. Points move in a room of 6 m, a square or a line."""
 
     ranges: Mapping[str, tuple[float, float, str]]
     """Signal -> the ends of its range and its unit."""
@@ -39,7 +39,7 @@ class About:
     """State -> the ends of its starts, where it is no coordinate of a point; 0 where left out."""
     robots: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     always: str = ""
-    """What has to hold all the time, beside the formula."""
+    """The formula that has to hold all the time, beside the drawn one."""
 
     def farthest(self, seconds: Array) -> Array:
         """Metres that a point can be away from its start after so many seconds, at most."""

@@ -1,4 +1,4 @@
-"""From a name to a task: `unicycle/sequence/7` is the seventh accepted candidate of its system and template."""
+"""Tasks by their names: `unicycle/sequence/7` is the seventh accepted candidate of its system and template."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def fits(system: str, template: str) -> bool:
 
 
 class Candidate(NamedTuple):
-    """What may become a task."""
+    """A candidate that may become a task."""
 
     system: str
     template: str
@@ -100,7 +100,7 @@ def _budgets(about: About) -> dict[str, dict[str, int]]:
 
 @cache
 def table() -> Mapping[str, Any]:
-    """What `studies/suite.py` accepted: system/template -> a row per task, with the facts that it measured."""
+    """Candidates accepted by `studies/suite.py`: system/template -> a row per task, with the facts that it measured."""
     return _stored("accepted.json", {"accepted": {}, "refused": {}})
 
 
@@ -124,7 +124,7 @@ class FormulaSuite(Suite):
 
     @cached_property
     def splits(self) -> Mapping[str, Sequence[str]]:
-        """By the number of a task: dev 0; core 1, 2; hard 3; fresh 4, 5, ...; quick, a part of core."""
+        """The split by the number of a task: dev 0; core 1, 2; hard 3; fresh 4, 5, ...; quick, a part of core."""
         own = {name: _split(int(name.rpartition("/")[2])) for name in self.names}
         parts = {split: [name for name in own if own[name] == split] for split in dict.fromkeys((*SPLITS, "fresh"))}
         first = [name for name in self.names if name.endswith("/1")]
@@ -148,12 +148,12 @@ class FormulaSuite(Suite):
         return {"system": system, "template": template, "tier": tier(self.facts(name))}
 
     def candidate(self, name: str) -> Candidate:
-        """What a name stands for."""
+        """The candidate that a name stands for."""
         system, template, n = name.split("/")
         return Candidate(system, template, level(int(n)), self.facts(name)["candidate"])
 
     def facts(self, name: str) -> Mapping[str, Any]:
-        """What was measured of a task."""
+        """The facts that were measured of a task."""
         pair, _, n = name.rpartition("/")
         return dict(table()["accepted"][pair][int(n)])
 
@@ -163,7 +163,7 @@ class FormulaSuite(Suite):
             return stored[name].astype(np.int64) if name in stored else None
 
     def scores(self) -> Sequence[SuiteScores]:
-        """What `studies/suite_answers.py` took from the committed studies."""
+        """The answers that `studies/suite_answers.py` took from the committed studies."""
         return [SuiteScores(**each) for each in _stored("scores.json", {}).values()]
 
 

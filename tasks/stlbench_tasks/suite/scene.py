@@ -47,7 +47,7 @@ class Disc:
     names: tuple[str, ...]
     """The point's signals."""
     centre: Place
-    """On a line, its second number means nothing."""
+    """Its second number means nothing on a line."""
     radius: float
 
     @property
@@ -71,7 +71,7 @@ def apart(one: Place, other: Place, distance: float) -> bool:
 
 @dataclass
 class Scene:
-    """What a template draws from: places that do not touch, and deadlines that a robot can meet."""
+    """The scene that a template draws from: places that do not touch, and deadlines that a robot can meet."""
 
     system: type[SuiteSystem]
     draw: Draw
@@ -87,7 +87,7 @@ class Scene:
 
     @property
     def about(self) -> About:
-        """What the system says of itself."""
+        """The system's description."""
         return self.system.about
 
     def __post_init__(self) -> None:

@@ -219,4 +219,4 @@ SYSTEMS: Mapping[str, type[SuiteSystem]] = {
     "arm": Arm,
     "pair": Pair,
 }
-"""By the name that tasks have."""
+"""Systems by the name that tasks have."""

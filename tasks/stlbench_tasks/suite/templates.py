@@ -187,4 +187,4 @@ TEMPLATES: Mapping[str, Callable[[Scene], str]] = {
         *(until, patrol, patrol_stay, response, tube, overlap, deliver),
     )
 }
-"""By the name that tasks have."""
+"""Templates by the name that tasks have."""
