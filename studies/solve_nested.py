@@ -35,9 +35,11 @@ PLACES = {
     ),
     "Pendulum-v1": (("abs(theta) <= 0.3", "abs(theta) >= 2.6"), ["--signal", "theta=atan2(y, x)"]),
     "CartPole-v1": (("x >= 0.5", "x <= -0.5"), []),
-    "MountainCar-v0": (("position >= 0.2", "position <= -0.9"), []),
+    "MountainCar-v0": (("position <= -0.8", "position >= 0.3"), []),
 }
 TIMES = {"a": 80, "b": 110, "c": 160}
+SHORTER = {"MountainCar-v0": {"b": 95}}
+"""An episode of MountainCar has 200 steps, and it needs the left hill to reach the right one."""
 
 
 def problems() -> dict[str, tuple[str, list[str]]]:
@@ -45,7 +47,8 @@ def problems() -> dict[str, tuple[str, list[str]]]:
     found = dict[str, tuple[str, list[str]]]()
     for environment, ((first, second), options) in PLACES.items():
         for form, text in FORMS.items():
-            formula = text.format(A=f"({first})", B=f"({second})", **TIMES)
+            times = TIMES | SHORTER.get(environment, {})
+            formula = text.format(A=f"({first})", B=f"({second})", **times)
             found[f"{environment.rpartition(':')[2]} {form}"] = environment, [formula, *options]
     return found
 
