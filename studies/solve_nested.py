@@ -35,11 +35,12 @@ PLACES = {
     ),
     "Pendulum-v1": (("abs(theta) <= 0.3", "abs(theta) >= 2.6"), ["--signal", "theta=atan2(y, x)"]),
     "CartPole-v1": (("x >= 0.5", "x <= -0.5"), []),
+    # it needs the left hill to reach the right one
     "MountainCar-v0": (("position <= -0.8", "position >= 0.3"), []),
 }
 TIMES = {"a": 80, "b": 110, "c": 160}
-SHORTER = {"MountainCar-v0": {"b": 95}}
-"""An episode of MountainCar has 200 steps, and it needs the left hill to reach the right one."""
+SHORTER = {"Pendulum-v1": {"b": 95}, "MountainCar-v0": {"b": 95}}
+"""Their episodes have 200 steps."""
 
 
 def problems() -> dict[str, tuple[str, list[str]]]:
