@@ -20,10 +20,9 @@ from stlbench.stl.language.syntax import END, Between, Window
 MOST_PLANS = 400
 """Alternatives of one formula that are looked at."""
 MOST_VISITS = 12
-"""Visits with times of their own by which an F inside of G is served. Where it takes more, visits are periodic. They
-are not replaced by one long stay: a cart that has to be slow once in ten steps cannot be slow all the time."""
-MOST_PERIODS = 150
-"""Visits of one region at equal intervals."""
+"""Visits of one region by which an F inside of G is served. Where it takes more, it is asked for again and again, and
+to hold it all the time may be impossible: a cart that has to be slow once in ten steps cannot be slow all the time.
+Many windows at equal intervals were tried: methods learned nothing from them, and `flag` learns without."""
 
 _Plans = Iterator[Plan]
 _Step = Callable[[Plan], _Plans]
@@ -195,8 +194,6 @@ class _Service:
         for count in range(max(2, fewest), fewest + 2) if high.offset > low.offset else ():
             if count <= MOST_VISITS:
                 yield from self._visited(plan, low, high, count)
-        if fewest > MOST_VISITS:
-            yield from self._periodic(plan, low, high)
 
     def _visited(self, plan: Plan, low: At, high: At, count: int) -> _Plans:
         windows = list[tuple[At, At]]()
@@ -212,27 +209,6 @@ class _Service:
         steps += [_before(begin, end) for begin, end in windows]
         steps += [_happens(self.psi, begin, end) for begin, end in windows]
         return _all(plan, [*steps, *self._guarded(low, high, first[0], last[1])])
-
-    def _periodic(self, plan: Plan, low: At, high: At) -> _Plans:
-        """Windows that are the first one moved by a multiple of a period; the longer it is, the narrower they are."""
-        width = self.last - self.first + 1
-        for period in dict.fromkeys((3 * width // 4, width // 2)):
-            visits = 1 + (high.offset - low.offset) // period if period else END
-            for each, begin, end in plan.window(low.since_start(self.first), low + self.last):
-                if visits > MOST_PERIODS:
-                    return
-                windows = [(begin + period * turn, end + period * turn) for turn in range(visits)]
-                last = windows[-1]
-                steps = [_before(end + period, begin + width), _before(high + self.first, last[0])]
-                steps += [_before(last[1], high + self.last)]
-                steps += [self._within(*window) for window in windows]
-                yield from _all(each, [*steps, *self._guarded(low, high, begin, last[1])])
-
-    def _within(self, begin: At, end: At) -> _Step:
-        """`psi` in a window that has no variables of its own, where that is known to be enough."""
-        if is_temporal(self.psi):
-            return _happens(self.psi, begin, end)
-        return lambda plan: plan.event_in(self.psi, 0, begin, end)
 
     def _always(self, plan: Plan, low: At, high: At) -> _Plans:
         """`psi` at the last step of each interval: G in place of G F."""

@@ -35,7 +35,7 @@ class At:
 
 @dataclass(frozen=True)
 class Event:
-    """`psi` holds at all of t..t + `stay`, for some t in `begin`..`end`."""
+    """`psi` holds at all of t..t + `stay`, for some t in `begin`..`end`, which are variables of its own."""
 
     psi: Formula
     stay: int
@@ -84,14 +84,10 @@ class Plan:
             yield each, begin, end
 
     def event(self, psi: Formula, stay: int, low: At, high: At) -> Iterator[Plan]:
-        """With an event that begins within a window of `low`..`high`."""
-        for plan, begin, end in self.window(low, high):
-            yield from plan.event_in(psi, stay, begin, end)
-
-    def event_in(self, psi: Formula, stay: int, begin: At, end: At) -> Iterator[Plan]:
-        """With an event that begins within the window `begin`..`end`."""
-        if (known := _constant(psi)) is not False:
-            yield self if known else replace(self, events=(*self.events, Event(psi, stay, begin, end)))
+        """With an event that begins within `low`..`high`."""
+        known = _constant(psi)
+        for plan, begin, end in self.window(low, high) if known is not False else ():
+            yield plan if known else replace(plan, events=(*plan.events, Event(psi, stay, begin, end)))
 
     def holding(self, psi: Formula, low: At, high: At) -> Iterator[Plan]:
         """With a condition that is held."""

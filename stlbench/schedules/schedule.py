@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from stlbench import stl
-from stlbench.schedules.derive import MOST_PERIODS, MOST_PLANS, UnscheduledError, plans
+from stlbench.schedules.derive import MOST_PLANS, MOST_VISITS, UnscheduledError, plans
 from stlbench.schedules.plan import Plan, conjunction
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.times import Programme, Times
@@ -68,7 +68,7 @@ def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tup
     found_plans = plans(formula, last)
     possible = [plan for plan in found_plans if all(regions.possible(event.psi) for event in plan.events)]
     if not found_plans:
-        raise UnscheduledError(f"it never holds, or F inside of G takes more than {MOST_PERIODS} visits")
+        raise UnscheduledError(f"it never holds, or F inside of G takes more than {MOST_VISITS} visits")
     if not possible:
         psi = next(event.psi for event in found_plans[0].events if not regions.possible(event.psi))
         raise UnscheduledError(f"{psi} holds nowhere within the ranges of the signals")
