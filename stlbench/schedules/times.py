@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stlbench.contract import Integers
+from stlbench.contract import Array, Integers
 from stlbench.schedules.plan import At, Event, Held, Plan
 from stlbench.schedules.regions import Regions
-from stlbench.schedules.rows import MOST_PACE, TOLERANCE, Flags, Point, Row, Rows, add, binding_for, solved_for
 
 MOST_NODES = 300
 """Linear programmes that are solved for one plan. Where they do not suffice, as many again try to improve the order."""
+MOST_PACE = 1e4
+"""Where nothing has a distance, so that no way limits the pace."""
+_TOLERANCE = 1e-6
 _FAST = 1.6
 """So many times the pace a robot may have without having to wait for what is excluded before a goal."""
 _LENGTH = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
-_WORTH = 1.1
-"""Windows are moved where a way gets so many times the steps that it had."""
 
 _Item = Event | Held
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,65 @@ class Times:
 
     pace: float
     values: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Row:
+    """earlier + gap + pace * distance <= later."""
+
+    earlier: At
+    later: At
+    gap: int = 0
+    distance: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows as arrays (n,): x[earlier] + pace * distance <= x[later] + room.
+
+    In place of a number there is the variable -1, the last one, which is 0.
+    """
+
+    earlier: Integers
+    later: Integers
+    room: Array
+    distance: Array
+    soft: Flags
+    """Whether a row has a gap or a distance: it may be broken to say by how much windows are too near."""
+
+    @classmethod
+    def of(cls, rows: Sequence[_Row]) -> _Rows:
+        ends = [[-1 if at.variable is None else at.variable for at in (row.earlier, row.later)] for row in rows]
+        earlier, later = np.array(ends, dtype=np.int64).reshape(-1, 2).T
+        room = [row.later.offset - row.earlier.offset - row.gap for row in rows]
+        distance = [row.distance for row in rows]
+        soft = [bool(row.gap or row.distance) for row in rows]
+        left, far = (np.array(each, dtype=float) for each in (room, distance))
+        return cls(earlier, later, left, far, np.array(soft, dtype=bool))
+
+    def left(self, values: Array, pace: float) -> Array:
+        """The steps that each row leaves free (n,); negative where it is broken."""
+        free: Array = self.room + values[self.later] - values[self.earlier] - pace * self.distance
+        return free
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Rows]) -> _Rows:
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Values of the variables (n + 1,), of which the last is 0 and stands in for numbers; and a pace."""
+
+    values: Array
+    pace: float
+
+    def at(self, step: At) -> float:
+        return step.offset + (0.0 if step.variable is None else float(self.values[step.variable]))
+
+    def middle(self, item: _Item) -> float:
+        return self.at(item.begin) + self.at(item.end)
 
 
 class Programme:
@@ -47,9 +109,9 @@ class Programme:
         self.plan, self._regions, self._hold = plan, regions, hold
         self.nodes = 0
         self._items: tuple[_Item, ...] = (*plan.events, *plan.held)
-        rows = [Row(earlier, later) for earlier, later in plan.rows]
-        rows += [Row(event.begin, event.end, hold) for event in plan.events]
-        self._rows = Rows.of([*rows, *(row for item in self._items for row in self._arrival(item))])
+        rows = [_Row(earlier, later) for earlier, later in plan.rows]
+        rows += [_Row(event.begin, event.end, hold) for event in plan.events]
+        self._rows = _Rows.of([*rows, *(row for item in self._items for row in self._arrival(item))])
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
@@ -58,38 +120,38 @@ class Programme:
         return [(i, j) for i, j in pairs if self._regions.exclusive(self._items[i].psi, self._items[j].psi)]
 
     @cached_property
-    def _ways(self) -> list[Rows]:
+    def _ways(self) -> list[_Rows]:
         """Of each pair both orders, one after the other: 2 k is the first item of pair k before the second."""
         items = [(self._items[i], self._items[j]) for i, j in self._pairs]
-        return [Rows.of(self._apart(*each)) for pair in items for each in (pair, pair[::-1])]
+        return [_Rows.of(self._apart(*each)) for pair in items for each in (pair, pair[::-1])]
 
     @cached_property
-    def _all_ways(self) -> tuple[Rows, Integers]:
+    def _all_ways(self) -> tuple[_Rows, Integers]:
         """The rows of all ways, and where those of each begin."""
         counts = [len(way.room) for way in self._ways]
-        return Rows.joined(self._ways), np.cumsum([0, *counts[:-1]])
+        return _Rows.joined(self._ways), np.cumsum([0, *counts[:-1]])
 
-    def _arrival(self, item: _Item) -> list[Row]:
+    def _arrival(self, item: _Item) -> list[_Row]:
         """From the start to an item."""
         distance = self._regions.distance(None, item.psi)
         if distance == 0:
             return []
         if isinstance(item, Held):
-            return [Row(At(0), item.begin, 0, distance)]
-        return [Row(At(0), item.end, self._hold, distance)]
+            return [_Row(At(0), item.begin, 0, distance)]
+        return [_Row(At(0), item.end, self._hold, distance)]
 
-    def _apart(self, first: _Item, second: _Item) -> list[Row]:
+    def _apart(self, first: _Item, second: _Item) -> list[_Row]:
         """The first item is over before the second one begins, and there is time for the way."""
         over = first.end + (first.stay if isinstance(first, Event) else 0)
         distance = self._regions.distance(first.psi, second.psi)
         if isinstance(second, Held):
-            return [Row(over, second.begin, 1, distance)]
+            return [_Row(over, second.begin, 1, distance)]
         if isinstance(first, Held):
-            return [Row(over, second.begin, 1), Row(over, second.end, self._hold, distance)]
-        return [Row(over, second.begin), Row(over, second.end, self._hold, distance)]
+            return [_Row(over, second.begin, 1), _Row(over, second.end, self._hold, distance)]
+        return [_Row(over, second.begin), _Row(over, second.end, self._hold, distance)]
 
     @cached_property
-    def _free(self) -> Point | None:
+    def _free(self) -> _Point | None:
         """The solution without any order."""
         return self._fastest(())
 
@@ -110,7 +172,7 @@ class Programme:
             self.nodes += 1
             order = pending.pop()
             solved = self._fastest(order) if order else self._free
-            if solved is None or solved.pace <= bound + TOLERANCE:
+            if solved is None or solved.pace <= bound + _TOLERANCE:
                 continue
             clash = self._clash(solved, order)
             if clash is None:
@@ -135,7 +197,7 @@ class Programme:
         if not self._pairs:
             return np.zeros(0, dtype=bool)
         rows, starts = self._all_ways
-        return np.logical_and.reduceat(longest[rows.later, rows.earlier] - rows.room <= TOLERANCE, starts)
+        return np.logical_and.reduceat(longest[rows.later, rows.earlier] - rows.room <= _TOLERANCE, starts)
 
     def _rearranged(self, order: tuple[int, ...], bound: float, possible: Flags) -> tuple[int, ...]:
         """A complete order made better by small changes, those first that shorten the whole way most."""
@@ -143,7 +205,7 @@ class Programme:
         while solved is not None:
             middles = list(map(solved.middle, self._items))
             sequence = sorted(range(len(self._items)), key=middles.__getitem__)
-            order, solved, better = self._complete((), solved), None, bound + TOLERANCE
+            order, solved, better = self._complete((), solved), None, bound + _TOLERANCE
             for moved in sorted(_moved(sequence), key=self._length)[:left]:
                 candidate = self._order(moved)
                 if candidate != order and possible[list(candidate)].all():
@@ -185,7 +247,7 @@ class Programme:
         first, second = (self._told(free, item) for item in ((i, j) if order[worst] % 2 == 0 else (j, i)))
         return f"{first} and {second} exclude each other; steps missing: {max(1, round(over[worst]))}"
 
-    def _told(self, solved: Point, item: int) -> str:
+    def _told(self, solved: _Point, item: int) -> str:
         each = self._items[item]
         begin, end = (round(solved.at(step)) for step in (each.begin, each.end))
         return f"{each.psi} in {begin}..{end}"
@@ -204,16 +266,15 @@ class Programme:
             early = []
         pace = solved.pace
         widest = self._widest(order, early, pace) or solved  # None by rounding errors
-        balanced = self._balanced(order, early, widest)
-        values = np.floor(balanced.values[:-1] + TOLERANCE).astype(int)
+        values = np.floor(widest.values[:-1] + _TOLERANCE).astype(int)
         return Times(max(0.0, pace), tuple(values.tolist()))
 
-    def _early(self, solved: Point) -> list[Row]:
+    def _early(self, solved: _Point) -> list[_Row]:
         """What is excluded until an event ends so soon that a robot of `_FAST` times the pace need not wait for it.
 
         A method pays for being near a goal at once, so a robot arrives as soon as it can. It does not learn to wait.
         """
-        rows = list[Row]()
+        rows = list[_Row]()
         for i, j in self._pairs:
             event, held = self._items[i], self._items[j]
             if not isinstance(event, Event) or not isinstance(held, Held):
@@ -225,15 +286,15 @@ class Programme:
                 if solved.at(over) < solved.at(other.end) <= solved.at(event.begin) and other is not event:
                     over, origin = other.end + other.stay, other.psi
             if (distance := self._regions.distance(origin, event.psi)) > 0:
-                rows.append(Row(held.end, over, 1, -distance / _FAST))
+                rows.append(_Row(held.end, over, 1, -distance / _FAST))
         return rows
 
-    def _clash(self, solved: Point, order: Sequence[int]) -> int | None:
+    def _clash(self, solved: _Point, order: Sequence[int]) -> int | None:
         """The first pair whose order is open and that would be at the same time, or too near."""
         open_pairs = np.flatnonzero(self._open(order) & ~self._are_apart(solved).any(axis=1))
         return int(open_pairs[0]) if len(open_pairs) else None
 
-    def _complete(self, order: tuple[int, ...], solved: Point) -> tuple[int, ...]:
+    def _complete(self, order: tuple[int, ...], solved: _Point) -> tuple[int, ...]:
         """With the pairs whose order is open, as they are apart in a solution."""
         rest = np.flatnonzero(self._open(order))
         return (*order, *(2 * rest + ~self._are_apart(solved)[rest, 0]).tolist())
@@ -244,7 +305,7 @@ class Programme:
         found[np.array(order, dtype=np.int64) // 2] = False
         return found
 
-    def _are_apart(self, solved: Point) -> Flags:
+    def _are_apart(self, solved: _Point) -> Flags:
         """Of each pair, whether its items are apart in a solution, in the one order and in the other (n, 2)."""
         if not self._pairs:
             return np.ones((0, 2), dtype=bool)
@@ -252,10 +313,10 @@ class Programme:
         kept = rows.left(solved.values, solved.pace) >= -1e-5
         return np.logical_and.reduceat(kept, starts).reshape(-1, 2)
 
-    def _with(self, order: Sequence[int], further: Sequence[Row] = ()) -> Rows:
-        return Rows.joined([self._rows, Rows.of(further), *(self._ways[way] for way in order)])
+    def _with(self, order: Sequence[int], further: Sequence[_Row] = ()) -> _Rows:
+        return _Rows.joined([self._rows, _Rows.of(further), *(self._ways[way] for way in order)])
 
-    def _fastest(self, order: Sequence[int], further: Sequence[Row] = (), elastic: bool = False) -> Point | None:
+    def _fastest(self, order: Sequence[int], further: Sequence[_Row] = (), elastic: bool = False) -> _Point | None:
         """The greatest pace, and steps for it.
 
         `elastic`: with the least number in place of the pace by which rows with a gap or a distance may be broken.
@@ -265,44 +326,18 @@ class Programme:
             rows = replace(rows, distance=np.where(rows.soft, -1.0, 0.0))
         cost = np.zeros(self.plan.variables + 1)
         cost[-1] = 1.0 if elastic else -1.0
-        return solved_for(rows, cost, 0.0)
+        return _solved(rows, cost, 0.0)
 
-    def _balanced(self, order: Sequence[int], further: Sequence[Row], point: Point) -> Point:
-        """With windows of the same widths, moved so that each way has as much time as it can, the shortest first."""
-        kept = [
-            Row(item.begin, item.end, width) if isinstance(item, Event) else Row(item.end, item.begin, -width)
-            for item in self._items
-            for width in [point.width(item)]
-        ]
-        rows = self._with(order, [*further, *kept])
-        ways = rows.distance > 0
-        before, moved, fixed = rows.left(point.values, 0.0)[ways], point, ~ways
-        while not fixed.all():
-            moving = replace(rows, distance=np.where(fixed, 0.0, rows.distance))
-            cost = np.zeros(self.plan.variables + 1)
-            cost[-1] = -1.0
-            solved, binding = binding_for(moving, cost)
-            if solved is None or solved.pace >= MOST_PACE:
-                break
-            moved = Point(solved.values, point.pace)
-            tight = binding & ~fixed
-            if not tight.any():
-                break
-            room = np.where(tight, rows.room - solved.pace * rows.distance, rows.room)
-            rows, fixed = replace(rows, room=room), fixed | tight
-        after = self._with(order, [*further, *kept]).left(moved.values, 0.0)[ways]
-        return moved if np.any(after >= _WORTH * before + 1) else point
-
-    def _widest(self, order: Sequence[int], further: Sequence[Row], pace: float) -> Point | None:
+    def _widest(self, order: Sequence[int], further: Sequence[_Row], pace: float) -> _Point | None:
         """The widest windows at a pace."""
         cost = np.zeros(self.plan.variables + 1)
         for event in self.plan.events:
-            add(cost, event.begin, 1.0)
-            add(cost, event.end, -1.0)
+            _add(cost, event.begin, 1.0)
+            _add(cost, event.end, -1.0)
         for held in self.plan.held:
-            add(cost, held.begin, -_LENGTH)
-            add(cost, held.end, _LENGTH)
-        return solved_for(self._with(order, further), cost, pace * (1 - TOLERANCE))
+            _add(cost, held.begin, -_LENGTH)
+            _add(cost, held.end, _LENGTH)
+        return _solved(self._with(order, further), cost, pace * (1 - _TOLERANCE))
 
 
 def _moved(sequence: Sequence[int]) -> Iterator[list[int]]:
@@ -313,3 +348,27 @@ def _moved(sequence: Sequence[int]) -> Iterator[list[int]]:
         yield from ([*rest[:other], items[place], *rest[other:]] for other in range(len(items)))
     for begin, end in combinations(range(len(items) + 1), 2):
         yield [*items[:begin], *items[begin:end][::-1], *items[end:]]
+
+
+def _solved(rows: _Rows, cost: Array, least: float) -> _Point | None:
+    """The point of least cost whose pace is at least `least`; None where there is none."""
+    from scipy.optimize import linprog  # which most commands do without
+    from scipy.sparse import coo_array
+
+    count, variables = len(rows.room), len(cost) - 1
+    place = np.arange(count)
+    data = np.concatenate([np.ones(count), -np.ones(count), rows.distance])
+    column = np.concatenate([rows.earlier, rows.later, np.full(count, variables)])
+    used = (column >= 0) & (data != 0)
+    index = (np.tile(place, 3)[used], column[used])
+    left: Any = coo_array((data[used], index), shape=(count, variables + 1)).tocsr()
+    left.eliminate_zeros()
+    bounds = [(0.0, None)] * variables + [(max(0.0, least), MOST_PACE)]
+    solved: Any = linprog(cost, A_ub=left, b_ub=rows.room, bounds=bounds, method="highs")
+    return _Point(np.append(solved.x[:-1], 0.0), float(solved.x[-1])) if solved.status == 0 else None
+
+
+def _add(row: Array, step: At, factor: float) -> None:
+    """Add a multiple of a step to a row of coefficients, in place; its number has no coefficient."""
+    if step.variable is not None:
+        row[step.variable] += factor

@@ -103,13 +103,6 @@ def test_order_follows_the_way() -> None:
         assert [str(term.psi) for term in found.terms] == [NEAR, FAR]
 
 
-@pytest.mark.parametrize(("hold", "expected"), [(1, [(79, 80), (80, 159)]), (5, [(75, 80), (80, 155)])])
-def test_a_way_gets_the_time_that_no_other_needs(hold: int, expected: list[tuple[int, int]]) -> None:
-    """From NEAR to FAR it is 80 steps wherever NEAR is visited, so the first way may have all 80 steps, too."""
-    found = schedules(stl.parse(f"F[0,80] (({NEAR}) & F[0,80] ({FAR}))"), LINE, hold, 200)
-    assert [(term.a, term.b) for term in found[0].terms] == expected
-
-
 def test_windows_are_as_wide_as_an_action_is_held() -> None:
     for term in stl.fragment(stl.parse(_best(f"F[0,90] (({NEAR}) & F[0,90] ({FAR}))", hold=7))):
         assert term.b - term.a >= 7
