@@ -48,15 +48,15 @@ document.querySelector("#filter").addEventListener("input", filter);
 filter();
 
 // ------------------------------------------------------------------------------------------------- tasks, theme, print
-function openTask() {
+function openPart() {
   const part = document.getElementById(location.hash.slice(1));
   if (part?.matches("details")) {
     part.open = true;
     part.scrollIntoView();
   }
 }
-addEventListener("hashchange", openTask);
-openTask();
+addEventListener("hashchange", openPart);
+openPart();
 
 document.querySelector("#theme").addEventListener("change", (event) => (root.dataset.theme = event.target.value));
 
