@@ -9,10 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
 from stlbench.records.inputs import is_there
 from stlbench.records.inputs import read as read_file
-from stlbench.records.outputs import cell_files, write
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES, cell_files, write
 from stlbench.records.result import Result
 from stlbench.records.saved_policies import read
 from stlbench.share.cards import CARD, model_card
@@ -39,7 +39,7 @@ def take(folder: Path, result: Result, target: Path) -> list[Path]:
         raise UsageError(f"{target} is there already; name a new folder")
     read(folder, result, "selected")
     content = read_file(cell_files(folder, result.id, result.key).policies, folder)
-    record = target / stored.LINES
-    stored.write_lines([result], record)
+    record = target / LINES
+    write_lines([result], record)
     policies = write(cell_files(target, result.id, result.key).policies, content, target)
     return [record, policies, write(target / CARD, model_card(result), target)]
