@@ -83,8 +83,8 @@ def take_over(folder: Path, ledger: Ledger) -> None:
 def _existing(path: Path) -> Path:
     file = locate(path)
     if file is None:
-        where = f"there is neither {path / FILE} nor {LINES} nor {PACKED}"
-        raise UsageError(f"{where}; `stlbench run` writes the one, `stlbench export` the other")
+        where = f"there is neither {path / FILE} nor {LINES}"
+        raise UsageError(f"{where}; `stlbench run` writes both, `stlbench export` {PACKED}")
     return file
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import gzip
 import os
 import signal
-import subprocess
-import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -150,29 +149,30 @@ def test_nothing_is_written_through_a_link_and_no_pipe_is_waited_for(folder, kin
     assert not (folder / "no-such").exists()
 
 
-RECORDS = """
-import sys
-from pathlib import Path
-from helpers.synthetic_results import result
-from stlbench.records.ledger import Ledger
-with Ledger(Path(sys.argv[1]) / "ledger.sqlite") as ledger:
-    for seed in range(int(sys.argv[2]), 10_000):
-        ledger.record(result(seed=seed))
-        print(seed, flush=True)
-"""
+def recording(folder, begin):
+    """A process that records cells, from a seed on, and the pipe where it announces each; it is killed later."""
+    here, there = os.pipe()
+    if (process := os.fork()) == 0:
+        with suppress(BaseException), Ledger(folder / FILE) as ledger:
+            for seed in range(begin, 10_000):
+                ledger.record(result(seed=seed))
+                os.write(there, f"{seed}\n".encode())
+        os._exit(1)
+    os.close(there)
+    return process, os.fdopen(here)
 
 
 @pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
 def test_whenever_a_run_is_killed_all_that_was_announced_is_in_the_ledger_and_in_the_lines(tmp_path):
-    environment, announced = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, list[int]()
-    for kill in range(6):
-        command = [sys.executable, "-c", RECORDS, tmp_path, str(len(announced))]
-        run = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
-        announced += [int(run.stdout.readline()) for _ in range(5)]
-        time.sleep(0.0007 * kill)
-        run.send_signal(signal.SIGKILL)
-        announced += map(int, run.stdout.read().split())
-        run.wait()
+    announced = list[int]()
+    for kill in range(12):
+        process, pipe = recording(tmp_path, len(announced))
+        with pipe:
+            announced += [int(pipe.readline()) for _ in range(5)]
+            time.sleep(0.0007 * kill)
+            os.kill(process, signal.SIGKILL)
+            announced += map(int, pipe.read().split())
+        assert os.waitpid(process, 0)[1] == signal.SIGKILL
     with Ledger(tmp_path / FILE, create=False) as ledger:
         recorded = {entry.id.seed for entry in ledger.results()}
     assert set(announced) <= recorded <= set(seeds(tmp_path))

@@ -91,7 +91,7 @@ def test_what_writes_into_a_damaged_ledger_says_the_same(whole):
     path, size = whole
     content = path.read_bytes()
     path.write_bytes(content[:size] + bytes(size) + content[2 * size :])
-    with Ledger(path) as ledger, pytest.raises(UsageError, match="cannot write the ledger .*; take the file away"):
+    with Ledger(path) as ledger, pytest.raises(UsageError, match=r"cannot write the ledger .*; take the file"):
         ledger.record(result(seed=COUNT))
     path.unlink()
     assert [entry.id.seed for entry in stored.read(path.parent)] == list(range(COUNT + 1))
