@@ -87,7 +87,7 @@ COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id
 def load(path: Path) -> Snapshot:
     """Read a reference, a folder of results, a ledger, a table of cells, or a bundle. Raises `UsageError`.
 
-    In a folder of results the ledger or `cells.jsonl` has priority over the table.
+    In a folder of results the ledger or its lines have priority over the table.
     """
     if path.suffix == ".zip":
         with unpacked(path) as (folder, problems):
