@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.records.ledger import FILE
-from stlbench.records.outputs import LINES, cell_files
+from stlbench.records.outputs import LINES, PACKED, cell_files
 from stlbench.study.results import Results
 
 SECRET = "the-key-of-the-user"
@@ -54,7 +54,7 @@ READ_BY = {
     FILE: (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip"),
     f"{FILE}-journal": ("report results", "verify results"),
     f"{FILE}-wal": ("report results",),
-    LINES: (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip"),
+    **dict.fromkeys((LINES, PACKED), (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip")),
     "provenance.json": ("compare results results",),
 }
 
@@ -80,11 +80,11 @@ def places(folder: Path) -> dict[str, Path]:
 def prepared(folder: Path, name: str) -> Path:
     """The path of a file, in a folder without what would be read before it."""
     path = places(folder).get(name, folder / name)
-    if name in (LINES, "cells.csv", "provenance.json"):
+    if name == PACKED:
         told("export results --format jsonl")
-        (folder / FILE).unlink()
-    if name in ("cells.csv", "provenance.json"):
-        (folder / LINES).unlink()
+    before = {LINES: (FILE,), **dict.fromkeys((PACKED, "cells.csv", "provenance.json"), (FILE, LINES))}
+    for other in before.get(name, ()):
+        (folder / other).unlink()
     return path
 
 
@@ -185,7 +185,6 @@ def test_a_link_to_the_very_file_is_refused_too(results: Path, name: str, comman
 
 
 def test_what_the_user_names_may_be_a_link(results: Path) -> None:
-    told("export results --format jsonl")
     Path("folder").symlink_to("results")
     for name in (FILE, LINES, "cells.csv"):
         Path(name).symlink_to(results / name)

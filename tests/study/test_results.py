@@ -216,7 +216,7 @@ def test_what_an_import_does_not_load(statement, heavy):
 def test_the_committed_reference_loads():
     folder = Path(__file__).parents[2] / "results/reference"
     if stored.locate(folder) is None:
-        pytest.skip("results/reference has no cells.jsonl yet")
+        pytest.skip("results/reference has no results yet")
     robustness = Results.load(folder).robustness()
     tasks = robustness[robustness["protocol"] == "formula"]["task"].str.partition("[")[0]
     assert tasks.nunique() == 12
