@@ -97,7 +97,7 @@ class Ledger(Records):
                     texts(cell),
                 )
                 keys += [key for (key,) in rows]
-        lines.append(self.path.parent, removed=dict.fromkeys(keys[:1], cell))
+        lines.append(self.path.parent, removed=[cell] if keys else ())
         return list(dict.fromkeys(keys))
 
     def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:

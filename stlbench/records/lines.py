@@ -15,12 +15,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from io import BytesIO, TextIOWrapper
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, Literal, Self, TypeVar, cast
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError
+from stlbench.records.fields import first_problem
 from stlbench.records.identity import IDENTITY, CellId, ReadCell
 from stlbench.records.inputs import is_there, to_read
 from stlbench.records.outputs import LINES, PACKED, appended, write
@@ -81,16 +83,16 @@ def entries(path: Path) -> Iterator[Result | Lacking]:
                 yield entry
 
 
-def append(folder: Path, results: Iterable[Result] = (), removed: Mapping[str, CellId] | None = None) -> None:
-    """Write results, and cells that were taken out, by key, at the end of `cells.jsonl`: on disk on return.
+def append(folder: Path, results: Iterable[Result] = (), removed: Iterable[CellId] = ()) -> None:
+    """Write results, and cells that were taken out, at the end of `cells.jsonl`: on disk on return.
 
     A line that was cut there is taken away first. Raises `UsageError` as `outputs.appended`.
     """
-    texts = [to_json(_without_path(result)) for result in results]
-    texts += [Lacking(cell, key, _REMOVED).text for key, cell in (removed or {}).items()]
+    texts = (to_json(_without_path(result)) for result in results)
     with appended(folder / LINES, folder) as file:
         _end_line(file)
-        file.write("".join(text + "\n" for text in texts).encode())
+        for text in chain(texts, (Lacking(cell, "", _REMOVED).text for cell in removed)):
+            file.write(f"{text}\n".encode())
 
 
 def keys(folder: Path) -> set[str]:
@@ -137,7 +139,10 @@ def _cell_of(text: object) -> CellId:
     content = plain(text) if isinstance(text, str) else text
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
-    return _identity().validate_python({name: content[name] for name in IDENTITY if name in content})
+    try:
+        return _identity().validate_python({name: content[name] for name in IDENTITY if name in content})
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from error
 
 
 @cache
@@ -159,6 +164,9 @@ def _is_cut(text: str) -> bool:
 def _end_line(file: BinaryIO) -> None:
     """Have a file end in a whole line."""
     size = file.seek(0, os.SEEK_END)
+    file.seek(max(0, size - 1))
+    if file.read() in (b"", b"\n"):  # of a long file no more is read at each line
+        return
     file.seek(max(0, size - LONGEST - 1))
     if tail := file.read().rpartition(b"\n")[2]:
         if _is_cut(tail.decode(errors="replace")):
