@@ -156,8 +156,10 @@ def _is_cut(text: str) -> bool:
         return False
     try:
         plain(text)
-    except ValueError:
+    except json.JSONDecodeError:
         return True
+    except ValueError:  # no line of ours is so deep
+        return False
     return False
 
 
@@ -185,7 +187,7 @@ def _texts(path: Path, *, warn: bool = True) -> Iterator[tuple[str, str]]:
                     raise UsageError(f"{where}: it has more than {LONGEST >> 20} MiB")
                 if room < 0 and binary is not raw:
                     raise UsageError(f"{where}: the file would be more than {_UNPACKED >> 30} GiB unpacked")
-                if text.endswith("\n") or not _is_cut(text):
+                if text.endswith("\n") or binary is not raw or not _is_cut(text):
                     yield text, where
                 elif warn:
                     why = "it was cut, as by a kill, and is left out"

@@ -237,8 +237,8 @@ def test_nor_does_a_log(toy: Path, say: Callable, tmp_path: Path, name: str) -> 
 
 def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(evil: Callable[[str], Path]) -> None:
     folder = evil("no")
-    (folder / ".lock").unlink(missing_ok=True)
     for name in (".lock", "report.md", "cells.jsonl"):
+        (folder / name).unlink(missing_ok=True)
         os.mkfifo(folder / name)
     for command in ("verify DIR", "report DIR", "export DIR --format jsonl", "verify DIR --repair"):
         told(command, folder)

@@ -103,7 +103,7 @@ def test_checksums_that_are_none_are_damage_of_their_row(ledger: Path, files: st
 
 def test_a_line_that_goes_on_for_ever_is_one_line_of_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "cells.jsonl"
-    path.write_text('{"status": "not run", "a": ' + "[" * 200_000 + "\n")
+    path.write_text('{"status": "not run", "a": ' + "[" * 200_000)
     with pytest.raises(UsageError, match=r"line 1: .*too deep to read"):
         Results.load(tmp_path)
     monkeypatch.setattr(lines, "LONGEST", 100_000)
