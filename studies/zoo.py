@@ -12,8 +12,9 @@ import shutil
 import sys
 from pathlib import Path
 
-from stlbench.records import npz, stored
-from stlbench.records.outputs import cell_files
+from stlbench.records import npz
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES, cell_files
 from stlbench.records.saved_policies import read
 from stlbench.share.zoo import ZOO, with_policies
 
@@ -21,7 +22,7 @@ from stlbench.share.zoo import ZOO, with_policies
 def main(folder: Path) -> None:
     found = with_policies(folder)
     shutil.rmtree(ZOO, ignore_errors=True)
-    stored.write_lines(found, ZOO / stored.LINES)
+    write_lines(found, ZOO / LINES)
     for result in found:
         arrays = read(found.folder, result, "selected")
         named = {f"selected/{name}": array for name, array in arrays.items()}

@@ -71,7 +71,7 @@ def get(
     budget: Budget = None,
     as_json: Json = False,
 ) -> None:
-    """Write one policy as a folder of results of its own: arrays, record, and a model card.
+    """Write one policy as a folder of results of its own: arrays and record.
 
     Other commands read it with --results DIR: score, certify, falsify, render, export-policy. Prints the files.
 

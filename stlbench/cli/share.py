@@ -12,7 +12,8 @@ from stlbench.cli.options import Budget, Cell, Folder, From, TaskFolders, Which
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.outputs import csv_value, inside, write
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import PACKED, csv_value, inside, write
 from stlbench.rollout.questions import Question, plugins_of
 from stlbench.share import onnx
 from stlbench.share.bundle import About, pack
@@ -83,7 +84,7 @@ def export(
     """Write results for other programs, in full precision.
 
     csv and parquet write three tables: cells, robustness and curves, as `stlbench.Results` has them in Python. jsonl
-    writes cells.jsonl: one cell per line, nothing left out. A folder with this file in place of a ledger can be
+    writes cells.jsonl.gz: one cell per line, nothing left out. A folder with this file in place of a ledger can be
     reported, compared, plotted and loaded, and be kept in git. minari lets the stored policies act again, and writes
     their episodes with robustness as labels: a data set for each task and track, each with a card. It needs the extra
     `minari`. Prints the files; --json prints a list of them.
@@ -95,8 +96,8 @@ def export(
       stlbench export results/reference --format jsonl
     """
     if form == "jsonl":
-        path = (out or (folder if folder.is_dir() else folder.parent)) / stored.LINES
-        stored.write_lines(list(stored.read(folder)), path, stored.missing(folder))
+        path = (out or (folder if folder.is_dir() else folder.parent)) / PACKED
+        write_lines(list(stored.read(folder)), path, stored.missing(folder))
         paths = [path]
     else:
         results = Results.load(folder)

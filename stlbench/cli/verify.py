@@ -10,10 +10,12 @@ from typing import Annotated
 import typer
 
 from stlbench.cli.output import Json, show
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.records import verify as verifying
+from stlbench.records.ledger import FILE
 from stlbench.records.reader import LedgerWarning
 from stlbench.records.result import reported
+from stlbench.records.schema import way_out
 from stlbench.records.verify import Verified
 from stlbench.report import Column, Table, Value
 from stlbench.share.checked import Checked, check
@@ -40,8 +42,8 @@ def verify(
 
     Rows and files are compared with the checksums that were recorded with them. Whatever is damaged or missing is
     named, and the exit code is 1. With --repair these cells are marked, and the `stlbench run` that measured them
-    measures them again; their results stay until then. A ledger of which SQLite cannot read a part is written anew, and
-    the old file is kept as ledger.sqlite.damaged; the exit code is 0.
+    measures them again; their results stay until then, and the exit code is 0. Of a ledger that SQLite cannot read it
+    says the ways out: --repair does not help there.
 
     A bundle is compared with its own list of checksums. With --rescore the referee scores the policies in it on this
     machine. The exit code is 1 where the bundle claims more than it finds, and 3 where a policy could not be scored.
@@ -76,13 +78,17 @@ def _facts(verified: Verified, repaired: bool) -> dict[str, object]:
 
 
 def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
+    if verified.structure:
+        first, more = one_line(verified.structure[0]), len(verified.structure) - 1
+        counted = f" (and {more} more such lines)" if more else ""
+        yield f"{folder / FILE} is damaged: {first}{counted}; {way_out(folder / FILE)}"
+        return
     damaged, strays = len({damage.key for damage in verified.damages}), verified.strays
-    yield from (f"ledger: {line}" for line in verified.structure)
     yield from (f"{damage.name}: {damage.what}: {damage.problem}" for damage in verified.damages)
     yield from (f"{name}: the ledger has no result for this file" for name in strays[:_SHOWN])
     if len(strays) > _SHOWN:
         yield f"and {len(strays) - _SHOWN} more files"
-    parts = [f"{damaged} with damage"] if damaged else ["its structure is damaged"] if verified.structure else []
+    parts = [f"{damaged} with damage"] if damaged else []
     parts += [f"{len(strays)} files without a result"] if strays else []
     verdict = ", ".join(parts) or ("whole" if verified.rows else "empty")
     yield f"{folder}/: {verified.rows} rows, {verified.files} files as they were recorded: {verdict}"
@@ -91,7 +97,7 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
         yield f"{cells_are} marked, for the next `stlbench run` to measure again"
     if strays:
         yield "files without a result: rows were lost, or a run was killed; keep them or delete them"
-    if verified.structure or verified.damages:
+    if verified.damages:
         again = "the `stlbench run` that measured them measures them again"
         yield f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}"
 

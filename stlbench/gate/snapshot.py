@@ -19,12 +19,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
-from stlbench.records import stored
+from stlbench.records import lines, stored
 from stlbench.records.fields import Line
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, ReadCell
 from stlbench.records.inputs import followed, read, to_read
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import csv_text, write
+from stlbench.records.outputs import LINES, csv_text, write
 from stlbench.records.result import TASK_FOLDER, Result
 from stlbench.records.rows import numbers
 from stlbench.records.schema import is_sqlite
@@ -87,13 +87,13 @@ COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id
 def load(path: Path) -> Snapshot:
     """Read a reference, a folder of results, a ledger, a table of cells, or a bundle. Raises `UsageError`.
 
-    In a folder of results the ledger or `cells.jsonl` has priority over the table.
+    In a folder of results the ledger or its lines have priority over the table.
     """
     if path.suffix == ".zip":
         with unpacked(path) as (folder, problems):
             if problems:
                 raise UsageError(f"{path}: {problems[0]}")
-            return _results(folder / stored.LINES)
+            return _results(folder / LINES)
     if (path / PROVENANCE).is_file():
         return _reference(path)
     if path.suffix == ".csv":
@@ -120,7 +120,7 @@ def save(folder: Path, snapshot: Snapshot) -> None:
 
 
 def _results(path: Path) -> Snapshot:
-    if path.is_file() and path.suffix != stored.SUFFIX and not is_sqlite(path):
+    if path.is_file() and not lines.is_lines(path) and not is_sqlite(path):
         raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
     return gather(stored.read(path))
 

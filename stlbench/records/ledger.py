@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stlbench.errors import unwritable
+from stlbench.records import lines
 from stlbench.records.fields import MOST
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
 from stlbench.records.reader import Records
 from stlbench.records.result import Result
 from stlbench.records.rows import Row, texts, values
-from stlbench.records.schema import COLUMNS, opened
+from stlbench.records.schema import COLUMNS, opened, unusable
 from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"  # its name in a folder of results
@@ -30,7 +30,7 @@ class Ledger(Records):
 
     def __init__(self, path: Path, *, create: bool = True) -> None:
         super().__init__(path, create=create)
-        self._is_writing, self._own = False, (0, 0)
+        self._is_writing = False
 
     def plan(self, cells: Mapping[str, CellId]) -> None:
         """Write the cells of a study, by key, in place of earlier plans for the same settings."""
@@ -49,7 +49,11 @@ class Ledger(Records):
             _add_plan(database, cells)
 
     def record(self, result: Result) -> None:
-        """Write one result, in place of one with the same key, with checksums of its files. It is on disk on return."""
+        """Write one result, in place of one with the same key, with checksums of its files. It is on disk on return.
+
+        Before, it is a line of `cells.jsonl`: whenever this is killed, what was recorded is in both.
+        """
+        lines.append(self.path.parent, [result])
         with self._writing() as database:
             before = database.execute("SELECT failures FROM cells WHERE key = ?", (result.key,)).fetchone()
             known = before[0] if before and isinstance(before[0], int) and 0 <= before[0] < MOST else 0
@@ -83,15 +87,6 @@ class Ledger(Records):
             database.execute(f"{plan} AND track != '{OUTSIDE}'", (key,))
             database.execute(f"DELETE FROM recorded WHERE {gone}", (key,))  # noqa: S608
 
-    def copy(self, source: Ledger) -> None:
-        """Copy the plan and the readable rows of another ledger, unchanged. The cells of the others are planned."""
-        rows, written = source.listed(from_index=False), source.written()
-        gone = written.keys() - {row.key for row in rows}
-        self.plan_also({key: written[key] for key in gone if written[key].track != OUTSIDE} | source.planned())
-        with self._writing() as database:
-            for row in rows:
-                _insert(database, source.columns(row))
-
     def remove(self, cell: CellId) -> list[str]:
         """Remove a cell, with all its results and its place in the plan; the keys it had."""
         keys = list[str]()
@@ -102,18 +97,8 @@ class Ledger(Records):
                     texts(cell),
                 )
                 keys += [key for (key,) in rows]
+        lines.append(self.path.parent, removed=[cell] if keys else ())
         return list(dict.fromkeys(keys))
-
-    @property
-    def is_meddled(self) -> bool:
-        """Whether another program has written in the file, or replaced it, since this began to write."""
-        return self._is_writing and self._own != self._seen()
-
-    def _seen(self) -> tuple[int, int]:
-        """SQLite's counter of writes by other connections, and the number of the file."""
-        assert self._database is not None
-        ((version,),) = self._database.execute("PRAGMA data_version")
-        return version, self.path.stat().st_ino if self.path.exists() else 0
 
     def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:
         """The keys of which the next run measures no cell.
@@ -173,15 +158,14 @@ class Ledger(Records):
         if not self._is_writing:
             self.close()
             self._database = opened(self.path, to_write=True)
-            self._is_writing, self._own = True, self._seen()
+            self._is_writing = True
         assert self._database is not None
         try:
             with self._database as database:
                 database.execute("BEGIN IMMEDIATE")
                 yield database
         except sqlite3.DatabaseError as error:
-            failure = unwritable(f"cannot write the ledger {self.path}", error)
-            raise type(failure)(f"{failure}{_way_out(error, self.path)}") from error
+            raise unusable("write", self.path, error) from error
 
 
 def _add_plan(database: sqlite3.Connection, cells: Mapping[str, CellId]) -> None:
@@ -203,8 +187,3 @@ def _insert(database: sqlite3.Connection, columns: Mapping[str, Any]) -> None:
 
 def _is_given_up(row: Row, attempts: int | None) -> bool:
     return attempts is not None and row.failures >= attempts
-
-
-def _way_out(error: sqlite3.DatabaseError, path: Path) -> str:
-    damaged = getattr(error, "sqlite_errorcode", 0) in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
-    return f"; `stlbench verify {path.parent} --repair` keeps what can be read" if damaged else ""

@@ -74,6 +74,25 @@ def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
         raise unwritable(f"cannot write {path}", error) from error
 
 
+@contextmanager
+def appended(path: Path, folder: Path) -> Iterator[BinaryIO]:
+    """Open a file of a folder to read it and to write at its end; it is made if it is missing, and on disk at the end.
+
+    Raises `UsageError` as `opened`, and if there is no file but something else.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_NONBLOCK  # a pipe that has just taken the place is not waited for
+    try:
+        inside(path, folder).parent.mkdir(parents=True, exist_ok=True)
+        with open(_without_links(str(path), flags), "r+b") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise UsageError(f"cannot write {path}: it is no file")
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise unwritable(f"cannot write {path}", error) from error
+
+
 def _without_links(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NOFOLLOW | getattr(os, "O_CLOEXEC", 0), 0o666)
 
@@ -95,6 +114,10 @@ def csv_text(rows: Iterable[Iterable[object]]) -> str:
     return text.getvalue()
 
 
+LINES = "cells.jsonl"
+"""Name of the file in a folder of results that gets a line of JSON as each cell ends (`lines`). Without a ledger, the
+results are read from there."""
+PACKED = LINES + ".gz"  # what `stlbench export` writes of them, for git
 TRACES, POLICIES, LOGS = "traces", "policies", "logs"  # names of the folders in a folder of results
 
 

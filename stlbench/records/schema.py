@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sqlite3
 from contextlib import ExitStack, closing, suppress
 from functools import cache
@@ -11,7 +12,8 @@ from typing import Any
 
 from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.identity import IDENTITY
-from stlbench.records.outputs import inside
+from stlbench.records.inputs import is_there
+from stlbench.records.outputs import LINES, PACKED, inside
 
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"  # the columns of a `Row`
 COLUMNS = f"key, {', '.join(IDENTITY)}"  # those of `planned` and `recorded`
@@ -21,6 +23,7 @@ _OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
 """Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
 of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
 _FILES = "", "-journal", "-wal", "-shm"  # how the names end of what SQLite opens beside a ledger
+_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _COUNT_TABLES = "SELECT count(*) FROM sqlite_schema"  # the cheapest query that makes SQLite look at a file
 APPLICATION = int.from_bytes(b"STLB", "big")  # in `PRAGMA application_id`: tells a ledger from any other SQLite file
 _IDENTITY = """key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL,
@@ -76,7 +79,28 @@ def opened(path: Path, *, to_write: bool = False) -> sqlite3.Connection:
             return database
     except (OSError, sqlite3.Error) as error:
         can = "open" if isinstance(error, OSError | sqlite3.OperationalError) else "read"
-        raise unwritable(f"cannot {can} the ledger {path}", error) from error
+        raise unusable(can, path, error) from error
+
+
+def unusable(can: str, path: Path, error: OSError | sqlite3.Error) -> UsageError:
+    """What to raise where a ledger cannot be read or written; for a damaged one it says the ways out."""
+    failure = unwritable(f"cannot {can} the ledger {path}", error)
+    return UsageError(f"{failure}; {way_out(path)}") if is_damaged(error) else failure
+
+
+def is_damaged(error: Exception) -> bool:
+    """Whether an error says that a file is damaged. Those that Python or stlbench find in it have no code of SQLite."""
+    is_of_file = isinstance(error, sqlite3.DatabaseError)
+    return is_of_file and getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF in _DAMAGED
+
+
+def way_out(path: Path) -> str:
+    """How to go on where SQLite cannot read a ledger."""
+    old, new = (shlex.quote(str(path.with_name(name))) for name in (path.name, f"new-{path.name}"))
+    there = [name for name in (LINES, PACKED) if is_there(path.with_name(name), path.parent)]
+    ways = [f"take the file away, and the results are read from {there[0]} beside it"] if there else []
+    ways.append(f"SQLite's own tool writes anew what it can read: `sqlite3 {old} .recover | sqlite3 {new}`")
+    return "; or ".join(ways)
 
 
 def _to_read(path: Path) -> sqlite3.Connection:
@@ -149,8 +173,14 @@ def _guarded(uri: str) -> sqlite3.Connection:
     database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, factory=_Connection)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
     _allow(database, _OPENING)
+    database.text_factory = _text
     database.execute("PRAGMA trusted_schema = OFF")
     return database
+
+
+def _text(data: bytes) -> str:
+    """SQLite takes any bytes for a text. What is no UTF-8 comes to be a text that no row may have."""
+    return data.decode(errors="backslashreplace")
 
 
 def _allow(database: sqlite3.Connection, steps: int) -> None:

@@ -1,40 +1,26 @@
-"""The results of a folder: from its ledger, else from `cells.jsonl`, which has the same as text for git."""
+"""The results of a folder: from its ledger, else from `cells.jsonl`, else from `cells.jsonl.gz`."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cache, partial
-from io import TextIOWrapper
 from pathlib import Path
-from typing import Self, TypeVar
-
-from pydantic import TypeAdapter
 
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId, ReadCell
-from stlbench.records.inputs import followed, to_read
+from stlbench.records import lines
+from stlbench.records.identity import CellId
+from stlbench.records.inputs import followed
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import write
-from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
-from stlbench.records.schema import LONGEST
-from stlbench.records.status import NOT_RUN
-
-_T = TypeVar("_T")
-SUFFIX = ".jsonl"  # of files of lines
-LINES = "cells" + SUFFIX
-"""Name of the text file in a folder of results: one cell per line, ordered, nothing rounded and nothing left out but
-the paths of tasks that are folders. A cell that was planned and has no result is there with the status `not run`."""
+from stlbench.records.outputs import LINES, PACKED
+from stlbench.records.result import Result
 
 
 def locate(path: Path) -> Path | None:
-    """The file that has the results: `path` itself, or the ledger, else `cells.jsonl` of a folder. None without one.
+    """The file that has the results: `path` itself, or that of a folder which goes before the others. None without one.
 
     A link that the user names is followed; one in a folder is refused by what reads it.
     """
-    candidates = (path / FILE, path / LINES) if path.is_dir() else (followed(path),)
+    candidates = tuple(path / name for name in (FILE, LINES, PACKED)) if path.is_dir() else (followed(path),)
     return next((file for file in candidates if file.is_file()), None)
 
 
@@ -45,7 +31,7 @@ def read(path: Path) -> Iterator[Result]:
     `UsageError` if there is no such file, or it is damaged.
     """
     file = _existing(path)
-    if file.suffix == SUFFIX:
+    if lines.is_lines(file):
         yield from _read_lines(file)
         return
     with Ledger(file, create=False) as ledger:
@@ -61,7 +47,7 @@ def one_by_one(path: Path) -> Iterator[Find]:
     """Finds the results of `read`: of a ledger no more than one is in memory. For a damaged row it gives None, with a
     `LedgerWarning`."""
     file = _existing(path)
-    if file.suffix == SUFFIX:
+    if lines.is_lines(file):
         yield {result.id: result for result in _read_lines(file)}.get
         return
     with Ledger(file, create=False) as ledger:
@@ -72,104 +58,35 @@ def one_by_one(path: Path) -> Iterator[Find]:
 def missing(path: Path) -> dict[str, CellId]:
     """The cells that were planned and have no result, by their keys in the plan. Raises `UsageError` as `read`."""
     file = _existing(path)
-    if file.suffix == SUFFIX:
-        entries = (_checked(_Planned.of, text, where) for text, where in _texts(file))
-        return {planned.key: planned.cell for planned in entries if planned}
+    if lines.is_lines(file):
+        return {entry.key: entry.cell for entry in lines.entries(file) if isinstance(entry, lines.Lacking)}
     with Ledger(file, create=False) as ledger:
         lacking = set(ledger.missing())
         return {key: cell for key, cell in ledger.planned().items() if cell in lacking}
 
 
 def take_over(folder: Path, ledger: Ledger) -> None:
-    """Give the ledger of a folder, where it is empty, what `cells.jsonl` says: a study that is kept as text goes on.
+    """Give an empty ledger what the lines of its folder say, and `cells.jsonl` what it lacks of the ledger.
 
-    Raises `UsageError` as `read`; then the ledger stays empty.
+    So a study that is kept as text goes on, and so does one whose ledger was taken away. Raises `UsageError` as `read`;
+    then the ledger stays empty. It is raised too if `cells.jsonl` cannot be written.
     """
-    lines = folder / LINES
-    if lines.is_file() and ledger.is_empty:
-        results = list(_read_lines(lines))
-        ledger.fill({**missing(lines), **{result.key: result.id for result in results}}, results)
-
-
-def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, CellId] | None = None) -> int:
-    """Write `lines` into a file; how many there are. Raises `UsageError` if that is not possible."""
-    text = lines(results, planned)
-    write(path, text)
-    return text.count("\n")
-
-
-def lines(results: Iterable[Result], planned: Mapping[str, CellId] | None = None) -> str:
-    """The text of `cells.jsonl`: one line per result, and per cell that was `planned` and has none, ordered by cell."""
-    texts = [(result.id, to_json(_without_path(result))) for result in results]
-    texts += [(cell, _Planned(cell, key).text) for key, cell in (planned or {}).items()]
-    return "".join(text + "\n" for _, text in sorted(texts))
-
-
-@dataclass(frozen=True)
-class _Planned:
-    cell: CellId
-    key: str
-
-    @property
-    def text(self) -> str:
-        identity = _identity().dump_python(self.cell, mode="json")
-        return json.dumps({**identity, "key": self.key, "status": NOT_RUN})
-
-    @classmethod
-    def of(cls, text: str) -> Self | None:
-        """The content of a line; None if it is of a result. Raises `ValueError` if a part is missing or wrong."""
-        if NOT_RUN not in text:
-            return None
-        content = plain(text)
-        if not isinstance(content, dict) or content.pop("status", "") != NOT_RUN:
-            return None
-        return cls(key=str(content.pop("key", "")), cell=_identity().validate_python(content))
-
-
-@cache
-def _identity() -> TypeAdapter[CellId]:
-    return TypeAdapter[CellId](ReadCell)
-
-
-def _without_path(result: Result) -> Result:
-    """A path of this machine means nothing elsewhere, and lines from elsewhere should not say where code is."""
-    facts = {name: value for name, value in result.provenance.items() if name != TASK_FOLDER}
-    return replace(result, provenance=facts)
+    file = next((folder / name for name in (LINES, PACKED) if (folder / name).is_file()), None)
+    if file is not None and ledger.is_empty:
+        results = list(_read_lines(file))
+        ledger.fill({**missing(file), **{result.key: result.id for result in results}}, results)
+    known = lines.keys(folder)
+    lacking = [row for row in ledger.present().values() if row.key not in known]
+    lines.append(folder, (result for row in lacking if (result := ledger.read(row)) is not None))
 
 
 def _existing(path: Path) -> Path:
     file = locate(path)
     if file is None:
         where = f"there is neither {path / FILE} nor {LINES}"
-        raise UsageError(f"{where}; `stlbench run` writes the one, `stlbench export` the other")
+        raise UsageError(f"{where}; `stlbench run` writes both, `stlbench export` {PACKED}")
     return file
 
 
-def _read_lines(path: Path) -> Iterator[Result]:
-    lines = dict[CellId, int]()
-    for number, (text, where) in enumerate(_texts(path), 1):
-        entry = _checked(_Planned.of, text, where) or _checked(from_json, text, where)
-        cell = entry.id if isinstance(entry, Result) else entry.cell
-        if (first := lines.setdefault(cell, number)) != number:
-            raise UsageError(f"{where}: {cell.name} is in line {first} already")
-        if isinstance(entry, Result):
-            yield entry
-
-
-def _texts(path: Path) -> Iterator[tuple[str, str]]:
-    try:
-        with TextIOWrapper(to_read(path, path.parent), encoding="utf-8") as file:
-            for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):
-                if len(text) > LONGEST:
-                    raise UsageError(f"{path}, line {number}: it has more than {LONGEST >> 20} MiB")
-                yield text, f"{path}, line {number}"
-    except (OSError, UnicodeError) as error:
-        raise UsageError(f"cannot read {path}: {error}") from error
-
-
-def _checked(parse: Callable[[str], _T], text: str, where: str) -> _T:
-    try:
-        return parse(text)
-    except ValueError as error:
-        cause = str(error).splitlines()[0]
-        raise UsageError(f"{where}: not a result as `stlbench export --format jsonl` writes it: {cause}") from error
+def _read_lines(file: Path) -> Iterator[Result]:
+    return (entry for entry in lines.entries(file) if isinstance(entry, Result))

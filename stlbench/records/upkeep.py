@@ -15,7 +15,7 @@ from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.inputs import is_there, to_read
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
-from stlbench.records.outputs import cell_files, inside, opened
+from stlbench.records.outputs import LINES, cell_files, inside, opened
 from stlbench.records.result import Result
 from stlbench.records.status import ACCIDENTS, Status
 from stlbench.records.verify import verify
@@ -100,7 +100,7 @@ def merge(into: Path, source: Path) -> Merged:
         raise UsageError(f"{source} cannot be merged into itself")
     incoming = list(stored.read(source))
     if stored.locate(into) and not (into / FILE).is_file():
-        raise UsageError(f"{into} has no {FILE} but {stored.LINES}; merge into a new folder, and export that")
+        raise UsageError(f"{into} has no {FILE} but {LINES}; merge into a new folder, and export that")
     damaged = {(damage.key, damage.what) for damage in verify(source).damages}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with writing(into), Ledger(into / FILE) as ledger:

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.errors import one_line, unwritable
+from stlbench.errors import UsageError, one_line
 from stlbench.records import stored
 from stlbench.records.identity import CellId
 from stlbench.records.inputs import names
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lines import is_lines
 from stlbench.records.lock import writing
-from stlbench.records.outputs import POLICIES, TRACES, cell_files, end_of_name, inside
+from stlbench.records.outputs import POLICIES, TRACES, cell_files, end_of_name
 from stlbench.records.result import Result
 from stlbench.records.rows import checksums_beside
-
-DAMAGED = FILE + ".damaged"  # the name that `repair` gives to a ledger with an unreadable part
+from stlbench.records.schema import way_out
 
 
 class Damage(NamedTuple):
@@ -38,7 +37,7 @@ class Damage(NamedTuple):
 class Verified(NamedTuple):
     rows: int  # how many were checked
     files: int  # how many have the recorded checksum
-    structure: tuple[str, ...]  # what SQLite reports about the ledger's structure
+    structure: tuple[str, ...]  # what SQLite reports about the ledger's structure; its rows are not read then
     damages: tuple[Damage, ...]
     marked: int  # how many cells the next run measures
     strays: tuple[str, ...] = ()
@@ -51,11 +50,12 @@ class Verified(NamedTuple):
 
 def verify(folder: Path) -> Verified:
     """Check all that is recorded in a folder; nothing is written. Raises `UsageError` without results."""
-    if (file := stored.locate(folder)) is not None and file.name == stored.LINES:
+    if (file := stored.locate(folder)) is not None and is_lines(file):
         return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
-        damages = [Damage(key, cell, "row", "it cannot be read") for key, cell in ledger.lost().items()]
-        rows, files, marked, there = 0, 0, 0, {damage.key for damage in damages}
+        if problems := ledger.problems():
+            return Verified(0, 0, tuple(problems), (), 0)
+        damages, there, rows, files, marked = list[Damage](), set[str](), 0, 0, 0
         for row in ledger.recorded():
             rows, marked = rows + 1, marked + row.again
             there.update((row.key, row.own_key))
@@ -72,7 +72,7 @@ def verify(folder: Path) -> Verified:
         return Verified(
             rows=rows,
             files=files,
-            structure=tuple(ledger.problems()),
+            structure=(),
             damages=tuple(damages),
             marked=marked,
             strays=tuple(_strays(folder, keys)) if sound else (),
@@ -101,28 +101,14 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
 def repair(folder: Path) -> Verified:
     """Mark the cells with a damaged or missing part, so that the next run measures them; what was damaged.
 
-    Their results stay until then. A ledger with a damaged structure is replaced by a new one with all readable rows;
-    the old one gets the name `DAMAGED`.
+    Their results stay until then. Raises `UsageError` if the structure of the ledger is damaged.
     """
     with writing(folder):
         checked = verify(folder)
         if checked.structure:
-            _write_anew(folder / FILE)
+            raise UsageError(f"the ledger {folder / FILE} is damaged; {way_out(folder / FILE)}")
         if checked.damages:
             with Ledger(folder / FILE) as ledger:
                 for damage in checked.damages:
                     ledger.mark(damage.key, damage.own_key or damage.key)
     return checked
-
-
-def _write_anew(path: Path) -> None:
-    new, damaged = (inside(path.with_name(name), path.parent) for name in (f"{path.name}.new", DAMAGED))
-    try:
-        new.unlink(missing_ok=True)
-        with Ledger(path, create=False) as source, Ledger(new) as target:
-            target.copy(source)
-        if not damaged.exists():
-            shutil.copyfile(path, damaged)
-        new.replace(path)
-    except OSError as error:
-        raise unwritable(f"cannot write {new}", error) from error

@@ -16,7 +16,8 @@ from stlbench import __version__
 from stlbench.errors import UsageError, one_line
 from stlbench.records import stored
 from stlbench.records.inputs import is_there, names, read
-from stlbench.records.outputs import POLICIES, TRACES, cell_files, opened
+from stlbench.records.lines import text_of
+from stlbench.records.outputs import LINES, POLICIES, TRACES, cell_files, opened
 from stlbench.records.result import Result
 from stlbench.study.results import Results
 
@@ -59,7 +60,7 @@ def may_hold(path: str) -> bool:
     """Whether `pack` may write a file of this path, apart from the metadata: no ledger, no code."""
     *folder, name = path.split("/")
     if not folder:
-        return name in (stored.LINES, CITATION) or name.endswith(_TABLES)
+        return name in (LINES, CITATION) or name.endswith(_TABLES)
     return len(folder) == 1 and folder[0] in _ARRAYS and name.endswith(".npz")
 
 
@@ -70,7 +71,7 @@ def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:
 def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
-    yield stored.LINES, stored.lines(results, stored.missing(folder)).encode()
+    yield LINES, text_of(results, stored.missing(folder)).encode()
     paths = [folder / name for name in names(folder, folder, _TABLES)]
     paths += [cell_files(folder, result.id, result.key).policies for result in kept]
     paths += [cell_files(folder, result.id, result.key).traces for result in results if traces]

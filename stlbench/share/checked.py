@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from stlbench.errors import UsageError, one_line
 from stlbench.records import npz, saved_policies, stored
-from stlbench.records.outputs import cell_files
+from stlbench.records.outputs import LINES, cell_files
 from stlbench.records.result import Result
 from stlbench.share.bundle import METADATA, Content, may_hold, read_metadata
 from stlbench.study.results import Results
@@ -39,7 +39,7 @@ def check(path: Path) -> Checked:
     """Check a bundle. Raises `UsageError` if the file is none."""
     with unpacked(path) as (folder, problems):
         wrong = list(problems)
-        if problems and not (folder / stored.LINES).is_file():
+        if problems and not (folder / LINES).is_file():
             return Checked(0, 0, problems)
         try:
             results = tuple(results_in(folder))
@@ -57,7 +57,7 @@ def results_in(folder: Path) -> Results:
 
     Raises `UsageError` as `stored.read`.
     """
-    return Results.of(stored.read(folder / stored.LINES), folder)
+    return Results.of(stored.read(folder / LINES), folder)
 
 
 def _file(folder: Path, result: Result) -> Path:

@@ -125,7 +125,7 @@ def _write(folder: Path, group: Sequence[Result], name: str, place: Path) -> Pat
         "signals": ", ".join(task.signals),
         "cells": ", ".join(f"`{result.id.name}`" for result in group),
     }
-    write(place / CARD, card("data", words))
+    write(place / CARD, card(words))
     return place
 
 

@@ -15,7 +15,7 @@ from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.observation import Observation
-from stlbench.records.outputs import cell_files, inside
+from stlbench.records.outputs import LINES, cell_files, inside
 from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Score
 from stlbench.records.saved_traces import Assessment
 from stlbench.registry import folders
@@ -208,7 +208,7 @@ def record(folder: Path, entry: Entry) -> Result | None:
     """
     result = entry.result
     if stored.locate(folder) and not (folder / FILE).is_file():
-        raise UsageError(f"{folder} has no {FILE} but {stored.LINES}; say another folder by --results")
+        raise UsageError(f"{folder} has no {FILE} but {LINES}; say another folder by --results")
     path = cell_files(folder, result.id, result.key).traces
     with writing(folder), Ledger(folder / FILE) as ledger:
         before = next((each for each in ledger.results() if each.id == result.id), None)

@@ -9,13 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
 from stlbench.records.inputs import is_there
 from stlbench.records.inputs import read as read_file
-from stlbench.records.outputs import cell_files, write
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES, cell_files, write
 from stlbench.records.result import Result
 from stlbench.records.saved_policies import read
-from stlbench.share.cards import CARD, model_card
 from stlbench.study.results import Results
 
 ZOO = Path(__file__).parent / "zoo"
@@ -30,7 +29,7 @@ def with_policies(folder: Path) -> Results:
 
 
 def take(folder: Path, result: Result, target: Path) -> list[Path]:
-    """Write the policy of a cell as a folder of results of its own, with its record and a model card; the files.
+    """Write the policy of a cell as a folder of results of its own, with its record; the files.
 
     All commands that take `--results` read the folder. Raises `UsageError` if something is there already, which would
     be written over, or the policy is missing or not as it was recorded.
@@ -39,7 +38,6 @@ def take(folder: Path, result: Result, target: Path) -> list[Path]:
         raise UsageError(f"{target} is there already; name a new folder")
     read(folder, result, "selected")
     content = read_file(cell_files(folder, result.id, result.key).policies, folder)
-    record = target / stored.LINES
-    stored.write_lines([result], record)
-    policies = write(cell_files(target, result.id, result.key).policies, content, target)
-    return [record, policies, write(target / CARD, model_card(result), target)]
+    record = target / LINES
+    write_lines([result], record)
+    return [record, write(cell_files(target, result.id, result.key).policies, content, target)]

@@ -1,18 +1,15 @@
-"""Whether a finished cell's result can be: never call in the process in which the cell ran.
+"""Scores the traces of finished cells again: never call in the process in which the cell ran.
 
-A plugin can change anything in the process of its cell: the referee, the clock, the files. So what that process says of
-its policies is compared with itself, with the recorded traces, and with how long the cell was away. What a plugin could
-still do is in `docs/reference/evaluation.md`.
+A plugin can change the referee in the process of its cell, perhaps by accident. It is not guarded against one that lies
+on purpose: `docs/reference/evaluation.md`.
 """
 
 from __future__ import annotations
 
-import math
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
-from itertools import chain
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Self
@@ -22,7 +19,7 @@ import numpy as np
 from stlbench.contract import System
 from stlbench.errors import UsageError, cause, one_line
 from stlbench.records.outputs import cell_files
-from stlbench.records.result import MAIN, Measurement, Result, Score, from_json, to_json
+from stlbench.records.result import MAIN, Measurement, Result, Score
 from stlbench.records.saved_traces import read_cell
 from stlbench.registry import plugins
 from stlbench.rollout import referee
@@ -34,60 +31,9 @@ APART = True  # whether results of cells with plugins of others are looked at in
 _DEADLINE = 300.0  # seconds for an answer: a task of others has to be loaded
 
 
-def contradiction(cell: Cell, result: Result, folder: Path, seconds: float = math.inf) -> str | None:
-    """What cannot be true of a finished cell's result, in a line; None if nothing contradicts it.
-
-    The cell took `seconds` of wall time at most; its traces lie in the folder of results.
-    """
-    if result.measurement is None:
-        return None
-    numbers = chain(_of_scores(result.measurement), _of_clocks(result.measurement, seconds), _of_row(result))
-    return next(chain(numbers, _of_traces(cell, result, result.measurement, folder)), None)
-
-
-def _of_row(result: Result) -> Iterator[str]:
-    """What is recorded can be read again."""
-    try:
-        from_json(to_json(result))
-    except ValueError as error:
-        yield f"its row cannot be read again: {error}"
-
-
-def _of_scores(measured: Measurement) -> Iterator[str]:
-    for which, scores in (("selected", measured.selected), ("final", measured.final)):
-        for protocol, score in scores.items():
-            for problem in _impossible(score):
-                yield f"the {which} policy's score by the protocol {protocol} cannot be: {problem}"
-
-
-def _impossible(score: Score) -> Iterator[str]:
-    """A formula that is satisfied has a robustness of at least 0, and one that is violated at most 0."""
-    of_starts = zip(score.robustness, score.satisfied, strict=False)  # `_of_row` says where one has more
-    for start, (robustness, satisfied) in enumerate(of_starts):
-        if (robustness < 0 and satisfied) or (robustness > 0 and not satisfied):
-            yield f"robustness {robustness:g} from start {start}, which is {'' if satisfied else 'not '}satisfied"
-    if (summary := score.summary) is None:
-        return
-    if not 0 <= summary.satisfaction <= 1 or summary.mean < summary.minimum:
-        yield f"satisfaction {summary.satisfaction:g}, mean robustness {summary.mean:g}, the least {summary.minimum:g}"
-    if summary.satisfaction < 1 and summary.minimum > 0:
-        yield f"the least robustness is {summary.minimum:g} beside {100 * summary.satisfaction:g} % satisfied"
-    if summary.satisfaction == 1 and summary.minimum < 0:
-        yield f"the least robustness is {summary.minimum:g} beside 100 % satisfied"
-    if summary.satisfaction == 0 and summary.mean > 0:
-        yield f"the mean robustness is {summary.mean:g} beside 0 % satisfied"
-
-
-def _of_clocks(measured: Measurement, seconds: float) -> Iterator[str]:
-    """Training is a part of the cell, and the harness has measured the cell's wall time."""
-    parts = (
-        (measured.training_cpu_seconds, measured.cpu_seconds),
-        (measured.training_wall_seconds, measured.wall_seconds),
-    )
-    if not all(0 <= part <= whole + 1e-3 < math.inf for part, whole in parts):
-        yield f"its clocks cannot be right: training and all took {parts[0]} s of CPU, {parts[1]} s of time"
-    if measured.wall_seconds > seconds + 1:
-        yield f"its clock cannot be right: it says {measured.wall_seconds:.3g} s, and was away for {seconds:.3g} s"
+def contradiction(cell: Cell, result: Result, folder: Path) -> str | None:
+    """Where the traces of a finished cell, in the folder of results, are not scored as it says; None if they are."""
+    return None if result.measurement is None else next(_of_traces(cell, result, result.measurement, folder), None)
 
 
 def _of_traces(cell: Cell, result: Result, measured: Measurement, folder: Path) -> Iterator[str]:
@@ -119,7 +65,7 @@ def _close(one: object, other: object) -> bool:
 
 
 class Examiner:
-    """Replaces results that cannot be true (`contradiction`) by failures, as a context manager.
+    """Replaces results that their traces do not score (`contradiction`) by failures, as a context manager.
 
     If a cell has a method or an agent of another distribution, a fresh interpreter examines the results. It imports
     none of them, and starts with the first result.
@@ -136,11 +82,11 @@ class Examiner:
     def __exit__(self, *raised: object) -> None:
         self._open.close()
 
-    def __call__(self, cell: Cell, result: Result, seconds: float) -> Result:
-        """The result, or a failure that says why it is impossible; then the cell's files are removed."""
+    def __call__(self, cell: Cell, result: Result) -> Result:
+        """The result, or a failure that says what its traces score; then the cell's files are removed."""
         if result.measurement is None:
             return result
-        call = (cell, result, self._folder, seconds)
+        call = (cell, result, self._folder)
         problem = self._ask(call) if self._apart else contradiction(*call)
         if problem is None:
             return result
@@ -149,7 +95,7 @@ class Examiner:
             file.unlink(missing_ok=True)
         return cell.ended("raised", f"its result is not credible: {one_line(problem)}")
 
-    def _ask(self, call: tuple[Cell, Result, Path, float]) -> str | None:
+    def _ask(self, call: tuple[Cell, Result, Path]) -> str | None:
         try:
             self._link = link = self._link or self._started()
             link.send(call)

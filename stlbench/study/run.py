@@ -215,15 +215,6 @@ def run_cells(
                 progress.ended(result)
                 if until is not None and until(result):
                     break
-        if ledger.is_meddled:
-            raise UsageError(_meddled(folder / FILE, cells))
-
-
-def _meddled(path: Path, cells: Iterable[Cell]) -> str:
-    with Ledger(path) as ledger:
-        lost = len(_missing(cells, ledger, (), None))
-    text = f"something else wrote in {path} during the run, perhaps a plugin: {lost} of its cells have no result there"
-    return f"{text}; the same command measures these again, and what else was changed nobody knows"
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -27,19 +26,18 @@ def run(
     executor: Executor,
     run_cell: Callable[[Cell], Result],
     provenance: Mapping[str, str],
-    accepted: Callable[[Cell, Result, float], Result] = lambda cell, result, seconds: result,
+    accepted: Callable[[Cell, Result], Result] = lambda cell, result: result,
 ) -> Generator[Result]:
     """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
     ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. The same holds for a full disk,
     and for an executor that fails, which raise `UsageError`. What `run_cell` raises becomes a result. `accepted` may
-    replace the result of a cell that returned so many seconds after the first cell began.
+    replace the result of a cell.
     """
-    begun = time.monotonic()
     with closing(outcomes(executor, run_cell, cells, [cell.deadline for cell in cells])) as ended:
         for outcome in ended:
             cell = cells[outcome.index]
-            result = accepted(cell, _result(cell, outcome), time.monotonic() - begun)
+            result = accepted(cell, _result(cell, outcome))
             where = provenance if outcome.facts is None else elsewhere(provenance, outcome.facts)
             result = replace(result, provenance={**result.provenance, **where, **of_cell(cell)})
             ledger.record(result)

@@ -146,46 +146,20 @@ from stlbench.rollout import referee
 from toy_plugins.methods import Raw
 
 def score(task, traces, formula=None, lasted=None):
-    return Score((99.0,) * len(traces), ({satisfied},) * len(traces), {{}})
+    return Score((99.0,) * len(traces), (True,) * len(traces), {})
 
 referee.score = score
 
 class Bribes(Raw):
     """Lets the referee say what it likes, wherever it is imported."""
 '''
-HURRIES = '''
-import time
-from toy_plugins.methods import Raw
-
-class Hurries(Raw):
-    """Lets the clock run backwards."""
-    def __init__(self, specification):
-        super().__init__(specification)
-        now = iter(range(10**9, 0, -1))
-        time.perf_counter = lambda: float(next(now))
-'''
 
 
 @pytest.mark.slow  # tests/study/test_credibility.py looks at such results in its own process
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (
-            BRIBES.format(satisfied=True),
-            "it says robustness 99, satisfied 100 %; by the recorded traces and the formula of toy-line it is ",
-        ),
-        (
-            BRIBES.format(satisfied=False),
-            "the selected policy's score by the protocol formula cannot be: robustness 99 from start 0, which is not",
-        ),
-        (HURRIES, "its clocks cannot be right: training and all took "),
-    ],
-)
-def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, tmp_path, monkeypatch, text, said):
+def test_a_method_that_changes_the_referee_has_no_score(site, toy, tmp_path, monkeypatch):
     """The harness itself imports the method, to check its parameters. So another process looks at the result."""
     monkeypatch.chdir(tmp_path)
-    name = "Hurries" if text == HURRIES else "Bribes"
-    site("bad-judge", f"[stlbench.methods]\nbad-judge = bad_judge:{name}\n", {"bad_judge.py": text})
+    site("bad-judge", "[stlbench.methods]\nbad-judge = bad_judge:Bribes\n", {"bad_judge.py": BRIBES})
     words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", "1", "--methods", "bad-judge,toy-raw")
     environment = os.environ | {"PYTHONPATH": str(toy)}
     command = [sys.executable, "-c", "from stlbench.cli import main; main()", *words]
@@ -194,6 +168,7 @@ def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, 
     with sqlite3.connect("results/ledger.sqlite") as ledger:
         rows = {name: row for name, *row in ledger.execute("SELECT method, status, reason FROM cells")}
     assert rows["bad-judge"][0] == "raised"
+    said = "it says robustness 99, satisfied 100 %; by the recorded traces and the formula of toy-line it is "
     assert rows["bad-judge"][1].startswith(f"its result is not credible: {said}")
     assert rows["toy-raw"] == ["done", ""]
     assert [path.name[:16] for path in Path("results/traces").iterdir()] == ["toy-line_toy-raw"]
@@ -232,16 +207,9 @@ def test_a_cell_that_takes_too_much_memory_is_killed_and_its_reason_says_so(bad,
     assert "toy-line/toy-raw/toy-agent/0 done" in done.stderr
 
 
-MEDDLES = """
-import os, sqlite3
+FORKS = """
+import os
 from toy_plugins.methods import Raw
-
-class Deletes(Raw):
-    \"\"\"Takes the results of others away.\"\"\"
-    def along(self, *arguments):
-        with sqlite3.connect(os.environ["ZZ_LEDGER"], timeout=30) as database:
-            database.execute("DELETE FROM cells")
-        return super().along(*arguments)
 
 class Forks(Raw):
     \"\"\"A child of it leaves by an exception, and comes back to where the cell was called.\"\"\"
@@ -255,22 +223,12 @@ class Forks(Raw):
 
 
 @pytest.fixture
-def meddling(site, toy):
-    entries = "[stlbench.methods]\nbad-deletes = bad_meddles:Deletes\nbad-forks = bad_meddles:Forks\n"
-    return site("bad-plugins", entries, {"bad_meddles.py": MEDDLES})
+def forking(site, toy):
+    entries = "[stlbench.methods]\nbad-forks = bad_forks:Forks\n"
+    return site("bad-plugins", entries, {"bad_forks.py": FORKS})
 
 
-def test_a_cell_that_deletes_results_of_others_does_not_pass(meddling, say, monkeypatch):
-    monkeypatch.setenv("ZZ_LEDGER", str(Path.cwd() / "results" / "ledger.sqlite"))
-    words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", 1, "--jobs", 1)
-    done = say(*words, "--methods", "toy-raw,bad-deletes")
-    assert done.exit_code == 2
-    assert "something else wrote in results/ledger.sqlite during the run" in done.stderr
-    assert "1 of its cells have no result there" in done.stderr
-    assert say(*words, "--methods", "toy-raw").exit_code == 0
-
-
-def test_a_forked_child_does_not_answer_for_its_cell(meddling, say):
+def test_a_forked_child_does_not_answer_for_its_cell(forking, say):
     done = say("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", 1, "--methods", "bad-forks")
     assert "toy-line/bad-forks/toy-agent/0 done: robustness" in done.stderr
     assert done.exit_code == 0

@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lines import write_lines
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
-from stlbench.records.stored import write_lines
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.study.results import Results
@@ -237,8 +237,8 @@ def test_nor_does_a_log(toy: Path, say: Callable, tmp_path: Path, name: str) -> 
 
 def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(evil: Callable[[str], Path]) -> None:
     folder = evil("no")
-    (folder / ".lock").unlink(missing_ok=True)
     for name in (".lock", "report.md", "cells.jsonl"):
+        (folder / name).unlink(missing_ok=True)
         os.mkfifo(folder / name)
     for command in ("verify DIR", "report DIR", "export DIR --format jsonl", "verify DIR --repair"):
         told(command, folder)

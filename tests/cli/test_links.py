@@ -17,9 +17,8 @@ import pytest
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.records import stored
 from stlbench.records.ledger import FILE
-from stlbench.records.outputs import cell_files
+from stlbench.records.outputs import LINES, PACKED, cell_files
 from stlbench.study.results import Results
 
 SECRET = "the-key-of-the-user"
@@ -55,7 +54,7 @@ READ_BY = {
     FILE: (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip"),
     f"{FILE}-journal": ("report results", "verify results"),
     f"{FILE}-wal": ("report results",),
-    stored.LINES: (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip"),
+    **dict.fromkeys((LINES, PACKED), (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip")),
     "provenance.json": ("compare results results",),
 }
 
@@ -81,11 +80,11 @@ def places(folder: Path) -> dict[str, Path]:
 def prepared(folder: Path, name: str) -> Path:
     """The path of a file, in a folder without what would be read before it."""
     path = places(folder).get(name, folder / name)
-    if name in (stored.LINES, "cells.csv", "provenance.json"):
+    if name == PACKED:
         told("export results --format jsonl")
-        (folder / FILE).unlink()
-    if name in ("cells.csv", "provenance.json"):
-        (folder / stored.LINES).unlink()
+    before = {LINES: (FILE,), **dict.fromkeys((PACKED, "cells.csv", "provenance.json"), (FILE, LINES))}
+    for other in before.get(name, ()):
+        (folder / other).unlink()
     return path
 
 
@@ -164,7 +163,7 @@ def test_no_command_reads_what_is_no_file_of_the_folder(results: Path, name: str
     ("name", "command"),
     [
         (FILE, "report results"),
-        (stored.LINES, "report results"),
+        (LINES, "report results"),
         ("cells.csv", "compare results results"),
         ("provenance.json", "compare results results"),
         (TRACES, f"render results {CELL}"),
@@ -186,11 +185,10 @@ def test_a_link_to_the_very_file_is_refused_too(results: Path, name: str, comman
 
 
 def test_what_the_user_names_may_be_a_link(results: Path) -> None:
-    told("export results --format jsonl")
     Path("folder").symlink_to("results")
-    for name in (FILE, stored.LINES, "cells.csv"):
+    for name in (FILE, LINES, "cells.csv"):
         Path(name).symlink_to(results / name)
     for command in ("report folder", f"show cell {CELL} folder", "bundle folder a.zip", f"compare {FILE} cells.csv"):
         assert "error" not in told(command), command
-    for name in (FILE, stored.LINES):
+    for name in (FILE, LINES):
         assert len(Results.load(name)) == 2

@@ -13,8 +13,9 @@ from helpers.refusals import refused
 from helpers.synthetic_results import result
 
 import stlbench
-from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES
 
 STUDY = "tasks: toy-line\nmethods: [toy-raw, toy-wrong]\nagents: [toy-agent]\nexecutor: toy-here\nseeds: 1\n"
 
@@ -106,7 +107,7 @@ def test_tables_in_full_precision(say, ledger):
 
 def test_lines_take_the_place_of_the_ledger(say, ledger):
     done = say("export", "results", "--format", "jsonl", "--out", "text", "--json")
-    assert json.loads(done.stdout) == ["text/cells.jsonl"]
+    assert json.loads(done.stdout) == ["text/cells.jsonl.gz"]
     same = say("compare", "results", "text", "--json"), say("compare", "results", "results", "--json")
     first, second = (json.loads(done.stdout) for done in same)
     assert first["comparisons"] == second["comparisons"]
@@ -191,7 +192,7 @@ def test_removing_says_what_and_asks(say, ledger):
 
 
 def test_merging_says_how_many(say, ledger):
-    stored.write_lines([result("funnel"), result("funnel", 5)], Path("more") / stored.LINES)
+    write_lines([result("funnel"), result("funnel", 5)], Path("more") / LINES)
     done = say("results", "merge", "results", "more")
     assert done.stdout == "more: 1 new, 0 better or newer, 1 left out\n"
     again = json.loads(say("results", "merge", "results", "more", "--json").stdout)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import importlib
 import json
 import os
@@ -219,7 +220,7 @@ def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy,
     assert "Controllers and baselines: task zz-line" in explained
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     assert say("export", "results", "--format", "jsonl", "--out", "lines").exit_code == 0
-    assert str(folder) not in Path("lines/cells.jsonl").read_text()
+    assert str(folder) not in gzip.decompress(Path("lines/cells.jsonl.gz").read_bytes()).decode()
     moved = folder.parent / "other" / "zz-line"
     moved.parent.mkdir()
     folder.rename(moved)

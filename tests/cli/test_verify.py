@@ -122,7 +122,6 @@ def test_a_bundle_of_which_a_policy_cannot_be_scored_is_not_confirmed(say, ran, 
 
 
 def replace_text(lines: Path, say, old: str, new: str) -> None:
-    say("export", "results", "--format", "jsonl")
     lines.write_text(lines.read_text().replace(old, new))
     for path in Path("results/policies").iterdir():
         path.rename(path.with_name(path.name.replace(old, new)))

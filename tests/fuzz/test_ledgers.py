@@ -13,7 +13,7 @@ from fuzz.inputs import damaged
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE
-from stlbench.records.stored import LINES
+from stlbench.records.outputs import LINES
 from stlbench.report import condense
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw,toy-large,toy-wrong", "--seeds", 4)

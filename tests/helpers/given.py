@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 import shutil
 from importlib import import_module
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from helpers.reader import ROOT, stlbench
-from stlbench.records import stored
+from stlbench.records.outputs import LINES, PACKED
 from stlbench.task import load_task
 
 TITLED = re.compile(r'^```(?:yaml|python|csv) title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
@@ -35,10 +36,16 @@ def results(folder: Path) -> None:
 
 def committed(name: str, words: str, folder: Path) -> None:
     """Of results of the repository the lines with these words: `results/NAME` in the folder."""
-    text = (ROOT / "results" / name / stored.LINES).read_text(encoding="utf-8")
     (folder / "results" / name).mkdir()
-    kept = "".join(line for line in text.splitlines(keepends=True) if words in line)
-    (folder / "results" / name / stored.LINES).write_text(kept, encoding="utf-8")
+    kept = "".join(f"{line}\n" for line in committed_lines(ROOT / "results" / name) if words in line)
+    (folder / "results" / name / LINES).write_text(kept, encoding="utf-8")
+
+
+def committed_lines(folder: Path) -> list[str]:
+    """The lines of a study in git, as they are."""
+    packed = folder / PACKED
+    data = gzip.decompress(packed.read_bytes()) if packed.exists() else (folder / LINES).read_bytes()
+    return data.decode().splitlines()
 
 
 def own_task(folder: Path) -> None:

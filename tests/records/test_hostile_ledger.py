@@ -14,7 +14,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import npz, saved_traces, schema, stored
+from stlbench.records import lines, npz, saved_traces, schema, stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import cell_files
 from stlbench.records.reader import LedgerWarning
@@ -106,7 +106,7 @@ def test_a_line_that_goes_on_for_ever_is_one_line_of_an_error(tmp_path: Path, mo
     path.write_text('{"status": "not run", "a": ' + "[" * 200_000)
     with pytest.raises(UsageError, match=r"line 1: .*too deep to read"):
         Results.load(tmp_path)
-    monkeypatch.setattr(stored, "LONGEST", 100_000)
+    monkeypatch.setattr(lines, "LONGEST", 100_000)
     with pytest.raises(UsageError, match="line 1: it has more than"):
         Results.load(tmp_path)
 

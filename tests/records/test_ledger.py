@@ -17,6 +17,7 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records.ledger import Ledger
+from stlbench.records.outputs import LINES
 from stlbench.records.schema import LISTED, OLDEST, VERSION
 from stlbench.records.status import ACCIDENTS
 
@@ -245,7 +246,7 @@ def test_what_is_recorded_is_in_the_one_file_at_once(path, tmp_path):
             ledger.record(result(seed=seed))
             with Ledger(copied(path, tmp_path / str(seed), path.name), create=False) as copy:
                 assert len(list(copy.results())) == seed + 1
-        assert [file.name for file in path.parent.iterdir()] == [path.name]
+        assert sorted(file.name for file in path.parent.iterdir()) == [LINES, path.name]
 
 
 HALF_WRITTEN = """
@@ -275,7 +276,7 @@ def test_what_a_killed_run_had_half_written_is_taken_back_by_who_reads(path):
     with Ledger(path, create=False) as ledger:
         assert list(ledger.results()) == [result()]
         assert len(ledger.missing()) == 1
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    assert sorted(file.name for file in path.parent.iterdir()) == [LINES, path.name]
 
 
 UNPRIVILEGED = """

@@ -12,7 +12,8 @@ from helpers import synthetic_results
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import cell_files
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES, cell_files
 from stlbench.records.result import Result
 from stlbench.records.upkeep import Merged, choose, merge, remove
 from stlbench.report import condense
@@ -145,7 +146,7 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
 
 
 def test_merging_into_a_new_folder_from_lines(tmp_path):
-    stored.write_lines([result("funnel"), result("flag", 1, "raised")], tmp_path / "text" / stored.LINES)
+    write_lines([result("funnel"), result("flag", 1, "raised")], tmp_path / "text" / LINES)
     assert merge(tmp_path / "new", tmp_path / "text") == counts(added=2)
     assert Results.load(tmp_path / "new").results == Results.load(tmp_path / "text").results
 
@@ -155,7 +156,7 @@ def test_folders_that_cannot_be_merged(folder, tmp_path):
         merge(folder, folder)
     with pytest.raises(UsageError, match="there is neither"):
         merge(folder, tmp_path / "nowhere")
-    stored.write_lines([result("funnel")], tmp_path / "text" / stored.LINES)
+    write_lines([result("funnel")], tmp_path / "text" / LINES)
     with pytest.raises(UsageError, match="merge into a new folder, and export that"):
         merge(tmp_path / "text", folder)
 
@@ -189,7 +190,7 @@ def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
     assert Results.load(into).missing == (c.id,)
     assert merge(into, source) == counts(kept=1)
     text = tmp_path / "text"
-    stored.write_lines(stored.read(source), text / stored.LINES, stored.missing(source))
+    write_lines(stored.read(source), text / LINES, stored.missing(source))
     assert merge(tmp_path / "other", text) == counts(added=1, planned=2)
     assert Results.load(tmp_path / "other").missing == (a.id, c.id)
 
@@ -209,7 +210,7 @@ def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):
     with Ledger(tmp_path / FILE) as ledger:
         for entry in entries:
             ledger.record(entry)
-    stored.write_lines(entries, tmp_path / "other" / stored.LINES)
+    write_lines(entries, tmp_path / "other" / LINES)
     for folder in (tmp_path, tmp_path / "other"):
         with stored.one_by_one(folder) as find:
             assert [find(entry.id) for entry in entries] == list(stored.read(folder))

@@ -12,9 +12,10 @@ from helpers.synthetic_results import result
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import cell_files
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES, cell_files
 from stlbench.records.upkeep import merge, remove
-from stlbench.records.verify import DAMAGED, repair, verify
+from stlbench.records.verify import repair, verify
 from stlbench.study import run
 
 
@@ -123,8 +124,8 @@ def test_a_list_of_rows_that_is_gone_is_damage(folder):
         database.execute("DROP TABLE recorded")
     database.close()
     assert verify(folder).structure == ("it does not list the rows that were recorded",)
-    repair(folder)
-    assert (verify(folder).rows, verify(folder).is_whole) == (3, True)
+    with pytest.raises(UsageError, match=r"is damaged; take the file away, and the results are read from cells\.jsonl"):
+        repair(folder)
 
 
 def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folder):
@@ -192,35 +193,8 @@ def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, scripted):
     assert verify(tmp_path).is_whole
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
-def test_a_ledger_with_a_damaged_structure_is_written_anew_with_all_that_can_be_read(tmp_path):
-    entries = [keyed(seed) for seed in range(60)]
-    with Ledger(tmp_path / FILE) as ledger:
-        ledger.plan({entry.key: entry.id for entry in entries[::2]})
-        for entry in entries:
-            ledger.record(replace(entry, status="killed", measurement=None) if entry.id.seed == 59 else entry)
-    database = sqlite3.connect(tmp_path / FILE)
-    (size,) = database.execute("PRAGMA page_size").fetchone()
-    database.close()
-    content = bytearray((tmp_path / FILE).read_bytes())
-    pages = (at for at in range(5 * size, len(content), size) if content[at] == 13)  # leaves of a table
-    page = next(at for at in pages if b'"status"' in content[at : at + size])
-    content[page : page + size] = bytes(size)
-    (tmp_path / FILE).write_bytes(content)
-    found = repair(tmp_path)
-    assert found.structure
-    lost = {damage.cell.seed for damage in found.damages}
-    assert 0 < len(lost) < 10
-    assert (tmp_path / DAMAGED).read_bytes() == content
-    assert verify(tmp_path).is_whole
-    with Ledger(tmp_path / FILE, create=False) as ledger:
-        assert {entry.id.seed for entry in ledger.results()} == set(range(60)) - lost
-        assert {cell.seed for cell in ledger.missing()} == lost
-        assert len(ledger.given_up([keyed(59).key], 1)) == 1  # what else the rows say has stayed
-
-
 def test_a_folder_of_lines_and_none_at_all(tmp_path):
     with pytest.raises(UsageError, match="there is no ledger"):
         verify(tmp_path)
-    stored.write_lines([keyed(0)], tmp_path / stored.LINES)
+    write_lines([keyed(0)], tmp_path / LINES)
     assert (verify(tmp_path).rows, verify(tmp_path).is_whole) == (1, True)

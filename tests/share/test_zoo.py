@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-import yaml
 from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.records.saved_policies import read
-from stlbench.share.cards import model_card
 from stlbench.share.zoo import ZOO, with_policies
 from stlbench.study.results import Results
 
@@ -53,7 +51,7 @@ def test_one_acts_as_it_did() -> None:
     assert said["scores"]["random"]["summary"]["mean"] == pytest.approx(recorded.selected["random"].mean, rel=0.01)
 
 
-def test_one_that_is_taken_is_a_folder_of_results_with_a_card(tmp_path: Path) -> None:
+def test_one_that_is_taken_is_a_folder_of_results(tmp_path: Path) -> None:
     files = stlbench("policies", "get", CELL, tmp_path / "mine").split()
     assert all(Path(file).is_file() for file in files)
     assert stlbench("score", "integrator-or", CELL, "--results", tmp_path / "mine").startswith(
@@ -83,15 +81,3 @@ def test_a_policy_that_was_changed_is_not_taken(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "its hash is not the recorded one" in done.stderr
     assert not (tmp_path / "x").exists()
-
-
-def test_a_model_card_has_the_headings_of_the_hub_and_the_numbers_of_the_record() -> None:
-    result = Results.load(ZOO).cell(CELL)
-    _, front, text = model_card(result).split("---\n", 2)
-    assert yaml.safe_load(front)["library_name"] == "stlbench"
-    headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
-    assert headings[:5] == ["Model details", "Uses", "Bias, risks and limitations", "Training details", "Evaluation"]
-    score = result.measurement.selected["random"]  # type: ignore[union-attr]
-    assert f"Mean robustness {score.mean:.4g}; satisfied from {100 * score.satisfaction:.4g} % of 1000 starts" in text
-    assert result.key in text
-    assert "$" not in text

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.given import committed_lines
 
-from stlbench.records.identity import CellId
-from stlbench.records.stored import LINES
+from stlbench.records import stored
+from stlbench.records.identity import IDENTITY, CellId
+from stlbench.records.outputs import LINES
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.study.plan import plan_cells
@@ -26,7 +29,8 @@ UNBOUNDED = {"auto", "auto-ablation", "auto-field", "auto-survey"}
 """Folders with rows of before the values of `dqn` were bounded on that track."""
 BOUNDED = ("annulus", "hold-disc", "integrator-or", "overlap", "reach-stay", "robot-nav"), ("flag", "funnel", "raw")
 """Of the folder `auto`, the tasks and the methods that were trained again."""
-FOLDERS = sorted(path.parent for path in RESULTS.glob(f"*/{LINES}") if path.parent.name not in EARLIER)
+ALL = sorted({path.parent for path in RESULTS.glob(f"*/{LINES}*")})
+FOLDERS = [folder for folder in ALL if folder.name not in EARLIER]
 
 
 def sample(folder: Path) -> list[dict[str, Any]]:
@@ -35,7 +39,7 @@ def sample(folder: Path) -> list[dict[str, Any]]:
     Left out are those of plugins that are not installed, and those of budgets as they were before they had random
     starts: these are trained again.
     """
-    rows = [json.loads(line) for line in (folder / LINES).read_text(encoding="utf-8").splitlines()]
+    rows = [json.loads(line) for line in committed_lines(folder)]
     known = [row for row in rows if plugins.known("methods", row["method"].partition("[")[0])]
     if folder.name in UNBOUNDED:
         known = [row for row in known if not row["agent"].startswith("dqn") or (folder.name == "auto" and again(row))]
@@ -46,6 +50,14 @@ def sample(folder: Path) -> list[dict[str, Any]]:
 def again(row: dict[str, Any]) -> bool:
     tasks, methods = BOUNDED
     return row["task"].startswith(tasks) and row["method"] in methods
+
+
+@pytest.mark.parametrize("folder", ALL, ids=lambda path: path.name)
+def test_every_study_is_read_and_its_summary_has_the_same_cells(folder: Path) -> None:
+    cells = [*stored.missing(folder).values(), *(each.id for each in stored.read(folder))]
+    with (folder / "cells.csv").open(newline="", encoding="utf-8") as file:
+        summary = [[row[name] for name in IDENTITY] for row in csv.DictReader(file)]
+    assert sorted(summary) == sorted([*map(str, cell.plain.values())] for cell in cells)
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)

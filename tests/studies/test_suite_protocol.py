@@ -7,7 +7,9 @@ import re
 from pathlib import Path
 
 import pytest
+from helpers.given import committed_lines
 
+from stlbench.records.outputs import LINES
 from stlbench.registry import plugins, suites
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +44,7 @@ def test_tasks_are_found_by_address_and_by_name() -> None:
 
 
 STUDIES = [path for path in sorted((ROOT / "studies").iterdir()) if path.suffix in (".py", ".yaml", ".sh")]
-RECORDED = sorted((ROOT / "results").glob("**/*.jsonl"))
+RECORDED = sorted({path.parent for path in (ROOT / "results").glob(f"**/{LINES}*")})
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.name)
@@ -51,10 +53,10 @@ def test_a_study_that_does_not_report_names_tasks_of_dev_alone(path: Path) -> No
         assert tasks_in(path.read_text(encoding="utf-8")) <= DEV
 
 
-@pytest.mark.parametrize("path", RECORDED, ids=lambda path: path.parent.name)
-def test_results_of_other_tasks_are_those_of_studies_that_report(path: Path) -> None:
-    if path.relative_to(ROOT / "results").parts[0] not in REPORTED:
-        assert tasks_in(path.read_text(encoding="utf-8")) <= DEV
+@pytest.mark.parametrize("folder", RECORDED, ids=lambda path: path.name)
+def test_results_of_other_tasks_are_those_of_studies_that_report(folder: Path) -> None:
+    if folder.relative_to(ROOT / "results").parts[0] not in REPORTED:
+        assert tasks_in("\n".join(committed_lines(folder))) <= DEV
 
 
 def test_studies_that_report_are_there_and_use_reported_seeds() -> None:
@@ -69,10 +71,10 @@ def test_no_recorded_policy_is_above_an_upper_bound() -> None:
     """From the report's starts, which the bound is of; the selected and the final policy of each cell."""
     suite = suites.made(plugins.find("suites", "suite"))
     checked = 0
-    reported = [path for path in RECORDED if path.parent.name in REPORTED]
-    assert {path.parent.name for path in reported} >= REPORTED - TABLES
-    for path in reported:
-        for line in path.read_text(encoding="utf-8").splitlines():
+    reported = [folder for folder in RECORDED if folder.name in REPORTED]
+    assert {folder.name for folder in reported} >= REPORTED - TABLES
+    for folder in reported:
+        for line in committed_lines(folder):
             cell = json.loads(line)
             for policy in ("selected", "final") if cell["measurement"] else ():
                 robustness = cell["measurement"][policy]["formula"]["robustness"]

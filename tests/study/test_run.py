@@ -9,6 +9,8 @@ from helpers.scripted_cells import Here
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lines import write_lines
+from stlbench.records.outputs import LINES
 from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
@@ -81,17 +83,17 @@ def test_a_study_that_is_kept_as_text_goes_on(tmp_path):
     with Ledger(tmp_path / FILE, create=False) as ledger:
         ledger.plan_also({cells[3].key: cells[3].id})
         before = list(ledger.results())
-        stored.write_lines(before, tmp_path / stored.LINES, stored.missing(tmp_path))
+        write_lines(before, tmp_path / LINES, stored.missing(tmp_path))
     (tmp_path / FILE).unlink()
     assert study(tmp_path, cells[:1]) == ([], [([], 1)])
     assert list(stored.read(tmp_path)) == before
     assert [*stored.missing(tmp_path)] == [cells[3].key]
-    (tmp_path / stored.LINES).write_text("damaged")  # a ledger goes before the text
+    (tmp_path / LINES).write_text("damaged")  # a ledger goes before the text
     assert study(tmp_path, cells)[0] == [("d", 60)]
 
 
 def test_nothing_runs_beside_a_text_that_is_damaged(tmp_path):
-    (tmp_path / stored.LINES).write_text("damaged")
+    (tmp_path / LINES).write_text("damaged")
     for _ in range(2):
         with pytest.raises(UsageError, match=r"cells\.jsonl, line 1: not a result as `stlbench export"):
             study(tmp_path, scripted_cells.cells("a"))

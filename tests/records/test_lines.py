@@ -1,0 +1,182 @@
+"""The lines of JSON beside a ledger: what they hold, what a kill leaves of them, and what a stranger puts there."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import signal
+import time
+from contextlib import suppress
+from dataclasses import replace
+
+import pytest
+from helpers.synthetic_results import result
+
+from stlbench.errors import UsageError
+from stlbench.records import lines, stored
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import LINES, PACKED
+from stlbench.records.reader import LedgerWarning
+from stlbench.records.upkeep import merge, remove
+
+
+@pytest.fixture
+def folder(tmp_path):
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.plan({f"key {seed}": result(seed=seed).id for seed in range(4)})
+        for seed in range(3):
+            ledger.record(keyed(seed))
+    return tmp_path
+
+
+def keyed(seed, **changes):
+    return replace(result(seed=seed), key=f"key {seed}", **changes)
+
+
+def seeds(folder):
+    return [entry.id.seed for entry in stored.read(folder / LINES)]
+
+
+def test_each_result_is_a_line_as_it_is_recorded(folder):
+    assert list(stored.read(folder / LINES)) == list(stored.read(folder)) == [keyed(seed) for seed in range(3)]
+
+
+def test_of_a_cell_that_stands_twice_the_last_line_counts(folder):
+    later = replace(keyed(1), key="edited", status="raised", reason="ValueError: x", measurement=None)
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(later)
+    assert list(stored.read(folder / LINES)) == [keyed(0), keyed(2), later]
+
+
+def test_what_was_removed_or_merged_is_so_in_the_lines(folder, tmp_path):
+    remove(folder, [keyed(1).id])
+    assert seeds(folder) == [0, 2]
+    merge(folder / "merged", folder)
+    assert seeds(folder / "merged") == [0, 2]
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(keyed(1))
+    assert seeds(folder) == [0, 2, 1]
+
+
+@pytest.mark.parametrize("left", [1, 30, 400])
+def test_a_last_line_that_was_cut_is_left_out_with_a_remark_and_the_next_takes_its_place(folder, left):
+    text = (folder / LINES).read_text()
+    (folder / LINES).write_text(text + text[:left])
+    (folder / FILE).unlink()
+    with pytest.warns(LedgerWarning, match=r"cells\.jsonl, line 4: it was cut, as by a kill, and is left out"):
+        assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
+    lines.append(folder, [keyed(3)])
+    assert seeds(folder) == [0, 1, 2, 3]
+
+
+def test_a_last_line_that_lacks_its_end_alone_counts(folder):
+    (folder / LINES).write_text((folder / LINES).read_text().rstrip("\n"))
+    assert seeds(folder) == [0, 1, 2]
+    lines.append(folder, [keyed(3)])
+    assert seeds(folder) == [0, 1, 2, 3]
+
+
+def test_a_line_that_is_cut_within_the_file_is_refused_and_so_is_a_text_that_no_run_wrote(folder):
+    text = (folder / LINES).read_text()
+    (folder / LINES).write_text(text[:50] + "\n" + text)
+    with pytest.raises(UsageError, match="line 1: not a result as"):
+        seeds(folder)
+    (folder / LINES).write_text(text + "mine")
+    with pytest.raises(UsageError, match="line 4: not a result as"):
+        seeds(folder)
+    lines.append(folder)
+    assert (folder / LINES).read_text() == text + "mine\n"
+
+
+def test_lines_get_what_they_lack_of_the_ledger_when_a_run_begins(folder):
+    """As those of an earlier version, or of a file that was deleted; and only the result of a cell that counts."""
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(replace(keyed(2), key="old"))
+        ledger.record(keyed(2))
+        (folder / LINES).unlink()
+        stored.take_over(folder, ledger)
+        assert sorted(stored.read(folder / LINES), key=lambda each: each.id) == [keyed(seed) for seed in range(3)]
+        size = (folder / LINES).stat().st_size
+        stored.take_over(folder, ledger)
+    assert (folder / LINES).stat().st_size == size
+
+
+def test_packed_lines_are_read_as_others_and_are_the_same_bytes_at_any_time(folder, monkeypatch):
+    planned = stored.missing(folder)
+    count = lines.write_lines(stored.read(folder), folder / PACKED, planned)
+    monkeypatch.setattr(time, "time", lambda: 1e9)
+    (folder / "later").mkdir()
+    lines.write_lines(stored.read(folder), folder / "later" / PACKED, planned)
+    assert (folder / PACKED).read_bytes() == (folder / "later" / PACKED).read_bytes()
+    assert (count, planned) == (4, {"key 3": result(seed=3).id})
+    assert gzip.decompress((folder / PACKED).read_bytes()).decode() == lines.text_of(stored.read(folder), planned)
+    assert list(stored.read(folder / "later")) == list(stored.read(folder))
+    assert stored.missing(folder / "later") == planned
+    with Ledger(folder / "later" / FILE) as ledger:
+        stored.take_over(folder / "later", ledger)
+        assert ledger.missing() == [result(seed=3).id]
+    assert seeds(folder / "later") == [0, 1, 2]  # from here on the run writes there
+
+
+@pytest.mark.parametrize("how", ["cut", "noise", "text", "bomb"])
+def test_a_packed_file_that_is_damaged_or_without_end_is_one_line(tmp_path, monkeypatch, how):
+    lines.write_lines([keyed(seed) for seed in range(20)], tmp_path / PACKED)
+    packed = (tmp_path / PACKED).read_bytes()
+    damaged = {"cut": packed[:-40], "noise": packed[:60] + os.urandom(90) + packed[150:], "text": b"{}\n"}
+    (tmp_path / PACKED).write_bytes(damaged.get(how, packed))
+    monkeypatch.setattr(lines, "_UNPACKED", 1000 if how == "bomb" else 2**33)
+    with pytest.raises(UsageError, match="the file would be more than" if how == "bomb" else r"cannot read|line \d+: "):
+        list(stored.read(tmp_path))
+
+
+@pytest.mark.parametrize("kind", ["link", "nowhere", "pipe", "folder"])
+def test_nothing_is_written_through_a_link_and_no_pipe_is_waited_for(folder, kind):
+    secret = folder / "secret"
+    secret.write_text("mine")
+    (folder / LINES).unlink()
+    if kind in ("link", "nowhere"):
+        (folder / LINES).symlink_to(secret if kind == "link" else folder / "no-such")
+    elif kind == "pipe":
+        os.mkfifo(folder / LINES)
+    else:
+        (folder / LINES).mkdir()
+    with Ledger(folder / FILE) as ledger:
+        for write in (lambda: ledger.record(keyed(5)), lambda: stored.take_over(folder, ledger)):
+            with pytest.raises(UsageError, match=r"cells\.jsonl"):
+                write()
+        assert len(list(ledger.results())) == 3
+    assert secret.read_text() == "mine"
+    assert not (folder / "no-such").exists()
+
+
+def recording(folder, begin):
+    """A process that records cells, from a seed on, and the pipe where it announces each; it is killed later."""
+    here, there = os.pipe()
+    if (process := os.fork()) == 0:
+        with suppress(BaseException), Ledger(folder / FILE) as ledger:
+            for seed in range(begin, 10_000):
+                ledger.record(result(seed=seed))
+                os.write(there, f"{seed}\n".encode())
+        os._exit(1)
+    os.close(there)
+    return process, os.fdopen(here)
+
+
+@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
+def test_whenever_a_run_is_killed_all_that_was_announced_is_in_the_ledger_and_in_the_lines(tmp_path):
+    announced = list[int]()
+    for kill in range(12):
+        process, pipe = recording(tmp_path, len(announced))
+        with pipe:
+            announced += [int(pipe.readline()) for _ in range(5)]
+            time.sleep(0.0007 * kill)
+            os.kill(process, signal.SIGKILL)
+            announced += map(int, pipe.read().split())
+        assert os.waitpid(process, 0)[1] == signal.SIGKILL
+    with Ledger(tmp_path / FILE, create=False) as ledger:
+        recorded = {entry.id.seed for entry in ledger.results()}
+    assert set(announced) <= recorded <= set(seeds(tmp_path))
+    (tmp_path / FILE).unlink()
+    with Ledger(tmp_path / FILE) as ledger:
+        stored.take_over(tmp_path, ledger)
+        assert {entry.id.seed for entry in ledger.results()} == set(seeds(tmp_path))
