@@ -43,7 +43,7 @@ FRAMES = 75
 """In a film, at most about so many."""
 
 WHO = {
-    "by hand": "By hand",
+    "by hand": "Controller",
     "at random": "Random actions, since no policy has learned it yet",
 }
 
