@@ -43,7 +43,7 @@ FRAMES = 75
 """In a film, at most about so many."""
 
 WHO = {
-    "by hand": "Controller by hand",
+    "by hand": "Controller",
     "at random": "Random actions, since no policy has learned it yet",
 }
 
@@ -174,9 +174,8 @@ def page(filmed: dict[str, Filmed]) -> str:
 _HEAD = """# Gallery of tasks
 
 What do the {count} tasks of stlbench look like? Click a picture to play its film: the task itself, the path in its
-plane, or its signals against time, with the regions where parts of the formula hold. The start has the median
-robustness of 16 of the report's. `stlbench show task NAME` prints the formula, [Tasks](reference/tasks.md)
-has sources. `python studies/gallery.py` makes this page.
+plane, or its signals against time, with the regions of the formula. The start has the median robustness of 16.
+[Tasks](reference/tasks.md) has formulas and sources.
 """
 
 

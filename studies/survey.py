@@ -96,7 +96,7 @@ def survived() -> str:
     ranks = [{name: float(row["rank"]) for name, row in _aggregates(*of).items()} for of in _BOTH]
     correlation = spearmanr(*([each[method] for method in ranks[0]] for each in ranks)).statistic
     return (
-        f"Of {len(both)} pairs of a method and a task {same} are learned in both ways or in none, in four of five "
+        f"{same} of {len(both)} pairs of a method and a task are learned in both ways or in none, in four of five "
         f"seeds or more. The rank correlation of the methods (Spearman's) is {correlation:.2f}."
     )
 

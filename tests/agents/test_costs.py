@@ -21,7 +21,7 @@ MICROSECONDS = {
     ("td3", 64): {16: 115, 64: 163, 256: 354, 603: 637, 1000: 981, 3000: 2885},
     ("td3", 128): {16: 349, 64: 436, 256: 757, 603: 1288, 1000: 2150, 3000: 6839},
 }
-"""CPU time of an update, by agent, width of both layers and number of inputs; also in docs/performance-tables.md."""
+"""CPU time of an update, by agent, width of both layers and number of inputs."""
 
 
 def test_by_hand() -> None:

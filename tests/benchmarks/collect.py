@@ -115,15 +115,6 @@ TABLES = (
         },
     ),
     Table(
-        "Peak memory of robustness, MB",
-        {words: f"memory_{formula}" for words, formula in FORMULAS.items()},
-        {
-            "64 traces": ("{}_64_megabytes", "{:.1f}"),
-            "1024 traces": ("{}_1024_megabytes", "{:.1f}"),
-            "64 traces, 8 times as long": ("{}_64_long_megabytes", "{:.1f}"),
-        },
-    ),
-    Table(
         "Share of training that a reward takes",
         {name: f"method_share_{key}" for name, key in _named(METHODS).items()},
         {name: (f"{{}}_{key}", "{:.1%}") for name, key in _named(TASKS).items()},
@@ -135,11 +126,6 @@ TABLES = (
             who: (f"{{}}_{who.split()[0]}_steps_per_second", "{:,.0f}")
             for who in ("16 copies", "1024 copies", "gymnasium")
         },
-    ),
-    Table(
-        "Microseconds of one update of `dqn`, by head and layers",
-        {"joint": "update_joint", "additive": "update_additive", "joint, plain": "update_joint_plain"},
-        {f"{width} x {width}": (f"{{}}_{width}_microseconds", "{:.0f}") for width in (64, 128, 256)},
     ),
     Table(
         "The harness",
@@ -192,8 +178,6 @@ def middle(value: Any) -> Figure:
 def markdown(figures: Mapping[str, Figure]) -> str:
     """All tables that have a figure."""
     parts = [str(figures.get("machine", "")), *(_table(each, figures) for each in TABLES)]
-    if steps := horizons(figures):
-        parts.append(_horizon_table(figures, steps))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -221,19 +205,6 @@ def horizons(figures: Mapping[str, Figure]) -> list[int]:
     """Horizons at which the methods' cost was measured."""
     found = (re.fullmatch(r"reward_raw_(\d+)_nanoseconds", key) for key in figures)
     return sorted(int(match[1]) for match in found if match)
-
-
-def _horizon_table(figures: Mapping[str, Figure], steps: Sequence[int]) -> str:
-    lines = [
-        [
-            f"{step:,}",
-            *(_shown(figures.get(f"reward_{method}_{step}_nanoseconds"), "{:,.0f}") for method in METHODS),
-            _shown(figures.get(f"reward_tau_mdp_{step}_inputs"), "{:,.0f}"),
-        ]
-        for step in steps
-    ]
-    header = ["horizon", *_named(METHODS), "inputs of tau-mdp"]
-    return _grid("Nanoseconds of the reward of one transition, by the horizon of G[0,H]", header, lines)
 
 
 def draw(figures: Mapping[str, Figure], path: Path) -> None:
