@@ -223,7 +223,7 @@ def _meddled(path: Path, cells: Iterable[Cell]) -> str:
     with Ledger(path) as ledger:
         lost = len(_missing(cells, ledger, (), None))
     text = f"something else wrote in {path} during the run, perhaps a plugin: {lost} of its cells have no result there"
-    return f"{text}; the same command measures these again, and what else was changed nobody knows"
+    return f"{text}; the same command measures these again; other changes are not known"
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:
