@@ -5,8 +5,8 @@
 
 Each run is a whole gate of one cheap setting, in a clone of this repository's last commit. In the clones `slower` and
 `worse` the working tree differs from the commit by a patch. What ran is in results/gate-pairs: a row per run in
-runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints the table of
-docs/howto/share.md. A run takes half a minute on an idle machine.
+runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints a table that
+docs/howto/share.md sums up. A run takes half a minute on an idle machine.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def run(machine: str, code: str, number: int) -> tuple[dict[str, Any], list[dict
 
 
 def main() -> None:
-    """Run what is missing, and print the table of docs/howto/share.md."""
+    """Run what is missing, and print the table that docs/howto/share.md sums up."""
     parser = argparse.ArgumentParser(description="Errors of `stlbench gate --against` in real runs.")
     parser.add_argument("--machine", required=True, help="what else it does: idle, loaded")
     parser.add_argument("--busy", type=int, default=0, metavar="N", help="processes that compute beside the runs")
@@ -158,7 +158,7 @@ def run_missing(machine: str, wanted: Mapping[str, int]) -> None:
 
 
 def table() -> Iterator[str]:
-    """How the runs of each kind ended, as Markdown for docs/howto/share.md."""
+    """How the runs of each kind ended, as Markdown."""
     recorded = rows(TABLES / "runs.csv")
     yield "| machine | code | runs | exit codes | CPU | robustness |"
     yield "|---|---|---|---|---|---|"

@@ -17,7 +17,7 @@ __all__ = ["app", "main"]
 class _App(Commands):
     groups = {  # noqa: RUF012
         "Train": {
-            "solve": ("solve.solve", "From an environment and a formula to a certified policy."),
+            "solve": ("solve.solve", "Train and certify a policy for an environment and a formula."),
             "run": ("run.run", "Train and score methods on tasks, and compare them."),
             "plan": ("run.plan", "Plan, without training, what each reward of a task asks for."),
             "tune": ("tune.tune", "Find a recipe for each method, with equal trials."),

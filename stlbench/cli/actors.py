@@ -58,7 +58,7 @@ class Chosen:
     def load(self) -> list[Actor]:
         """All that the options name. Raises `UsageError` if they name nothing, or what cannot act."""
         if self.every and (self.policies or self.task):
-            raise UsageError("--all means all cells of the folder: name no others beside it")
+            raise UsageError("--all takes all cells of the folder; do not name others")
         if self.task is None:
             outside = ("method", "on", "architecture", "actions")
             if given := [f"--{name}" for name in outside if getattr(self, name) is not None]:

@@ -35,14 +35,14 @@ from stlbench.task.task import Task
 
 _NOTES = (
     "Inputs: what the policy sees beside features and time. Memory: what the method carries from step to step.",
-    "Also: 'counterfactuals' are learned from by dqn; 'ends' means that training episodes end where all is decided;",
+    "Also: dqn learns from 'counterfactuals'; 'ends' means that training episodes end once all is decided;",
     "'schedule' means that it takes the formula by its schedule alone, as on the track auto.",
     "Outside its source's form, a method is an extension of ours: see the reason, and its page in the documentation.",
 )
 _COMPARISON = re.compile("[<>]")
 """Each formula has one, and no task's name."""
 _NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?")
-_ASK = "Parameters can be asked for: --methods 'hprs[later=target],tau-mdp[every=10]'."
+_ASK = "You can ask for parameters: --methods 'hprs[later=target],tau-mdp[every=10]'."
 
 
 def advise(
@@ -58,7 +58,7 @@ def advise(
     ] = None,
     results: Annotated[
         Path | None,
-        typer.Option("--results", metavar="DIR", help="Results of this task to show beside, as of `stlbench run`."),
+        typer.Option("--results", metavar="DIR", help="Also show the results of this task in this folder."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -78,7 +78,7 @@ def advise(
     """
     task = _alone(name) if _COMPARISON.search(name) else load_task(name)
     if results is not None and isinstance(task, Specification):
-        raise UsageError("--results is of a task's results; name the task instead of a formula")
+        raise UsageError("--results shows results of a task; name the task instead of a formula")
     known = {} if results is None or isinstance(task, Specification) else _known(task, results)
     chosen = None if methods is None else parse_choices(methods)
     for choice in chosen or ():

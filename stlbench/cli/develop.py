@@ -71,11 +71,11 @@ _SEEN = """\
 
 def new(
     kind: Annotated[Made, typer.Argument(metavar="KIND", help="method, task or agent.")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the plugin: a-z, 0-9, and - between them.")],
-    into: Annotated[Path, typer.Option(metavar="DIR", help="Where to make the folder NAME.")] = Path(),
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the plugin: a-z, 0-9, and - between them.")],
+    into: Annotated[Path, typer.Option(metavar="DIR", help="Make the folder NAME here.")] = Path(),
     environment: Annotated[
         str | None,
-        typer.Option(metavar="ID", help="Of Gymnasium: a task on it, which is a folder with a task.yaml alone."),
+        typer.Option(metavar="ID", help="An environment of Gymnasium; its task is a folder with a task.yaml alone."),
     ] = None,
 ) -> None:
     """Write a distribution with a method, task or agent that works, with its tests, for you to change.
@@ -161,12 +161,12 @@ Kind = Literal["method", "task", "agent", "executor", "log", "suite"]
 
 
 def check(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of any plugin, or the path of a task's folder.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A plugin, or the path of a task's folder.")],
     kind: Annotated[
-        Kind | None, typer.Option(help="What NAME is.", show_default="found by the name", case_sensitive=True)
+        Kind | None, typer.Option(help="The kind of NAME.", show_default="found by the name", case_sensitive=True)
     ] = None,
     task: Annotated[
-        str | None, typer.Option(metavar="TASK", help="On which to check a method.", show_default="small formulas")
+        str | None, typer.Option(metavar="TASK", help="Check a method on this task.", show_default="small formulas")
     ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print the rules that are kept too.")] = False,
 ) -> None:
@@ -228,11 +228,11 @@ def _plugin_of(name: str, kind: Kind | None) -> Plugin:
 
 def _nearest(name: str) -> str:
     if Path(name).is_dir():
-        raise UsageError(f"no plugin '{name}'; the folder of that name is meant by ./{name}")
+        raise UsageError(f"no plugin '{name}'; write ./{name} for the folder of that name")
     kinds = {each: kind for kind in plugins.KINDS for each in plugins.available(kind)}
     close = get_close_matches(name, kinds, n=1, cutoff=0.5)
     if not close:
-        raise UsageError(f"no plugin '{name}'; `stlbench list methods` and its like say what there is")
+        raise UsageError(f"no plugin '{name}'; `stlbench list methods` names those that there are")
     return kinds[close[0]]
 
 

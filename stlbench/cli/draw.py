@@ -107,7 +107,7 @@ def render(
     ] = "gif",
     which: Which = "selected",
     start: Annotated[
-        str | None, typer.Option(metavar="X,Y,...", help="Where the stored policy starts, as the task's initial box.")
+        str | None, typer.Option(metavar="X,Y,...", help="Start of the stored policy, as in the task's initial box.")
     ] = None,
     start_index: Annotated[
         int | None, typer.Option(metavar="I", min=0, help="Which of the report's starts, counted from 0.")
@@ -130,7 +130,7 @@ def render(
     from stlbench.study.filming import film_cell
 
     if start is not None and start_index is not None:
-        raise UsageError("--start and --start-index: one start, said once")
+        raise UsageError("give --start or --start-index, not both")
     if form == "mp4":
         ffmpeg()
     chosen = Start(start_index, None if start is None else parse_start(start))

@@ -31,7 +31,7 @@ SEEDS = "10"  # seeds of a new reference
 
 def compare(
     base: Annotated[Path, typer.Argument(metavar="BASE", help="Folder of results, ledger, reference, or bundle.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="The same of what is to be judged.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The same for the results to be judged.")],
     results: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Also write gate.md, gate.json, gate.xml (JUnit), comment.md there."),
@@ -93,7 +93,7 @@ def gate(
       stlbench gate reference --update --tasks reach-stay --methods funnel,flag --seeds 10
     """
     if results.resolve() == reference.resolve():
-        raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
+        raise UsageError(f"--results {results} is the reference itself; new measurements need another folder")
     chosen = {"task": tasks_of(tasks), "method": names(methods), "agent": names(agents)}
     numbers = None if seeds is None else parse_seeds(seeds)
     executor = options.get("executor", "local")

@@ -99,7 +99,7 @@ def monitor(
 def _sources(inputs: list[str], formulas: Path | None) -> tuple[list[Source], Path]:
     if formulas is not None:
         if len(inputs) != 1:
-            raise UsageError(f"with --formulas, name one trace and no formula; got {len(inputs)} arguments")
+            raise UsageError(f"--formulas needs one trace and no formula; got {len(inputs)} arguments")
         return _read_formulas(formulas), Path(inputs[0])
     if len(inputs) != 2:
         raise UsageError(f'expected a formula and a trace, "FORMULA" trace.csv; got {len(inputs)} argument(s)')

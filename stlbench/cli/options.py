@@ -82,9 +82,9 @@ def _parameter(name: str, help_text: str, default: str) -> inspect.Parameter:
 
 
 Explain = Annotated[bool, typer.Option("--explain", help="Print all tables, and how to read them.")]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Also on a terminal, a line for each cell that ends.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print a line for each cell that ends, also on a terminal.")]
 Fitting = Annotated[
-    Literal["column", "page"], typer.Option("--width", help="What figures and LaTeX fit: 3.5 or 7.16 inches.")
+    Literal["column", "page"], typer.Option("--width", help="Width of figures and LaTeX: 3.5 or 7.16 inches.")
 ]
 
 
@@ -100,7 +100,7 @@ TaskFolders = Annotated[
         "--task-folder",
         metavar="PATH",
         callback=_known,
-        help="Folder of a task that the results are of. Its code is run. May be given several times.",
+        help="Folder of a task in the results. Its code is run. May be given several times.",
     ),
 ]
 """Results never say where code is: only the user does. The option's callback makes the folders known."""
@@ -128,20 +128,20 @@ Method = Annotated[
 On = Annotated[
     Literal["observation", "state", "environment"] | None,
     typer.Option(
-        help="What a policy from outside is given: as agents, states and steps, or the environment's own.",
+        help="Input of a policy from outside: as agents see it, states and steps, or the environment's own.",
         show_default="observation",
     ),
 ]
 Architecture = Annotated[
     str | None,
-    typer.Option(metavar="FORM", help="Of a state_dict of PyTorch, as 'mlp[4,64,64,21;relu]': sizes and activation."),
+    typer.Option(metavar="FORM", help="Form of a state_dict, as 'mlp[4,64,64,21;relu]': sizes and activation."),
 ]
 OwnActions = Annotated[
     str | None,
     typer.Option(metavar="FILE", help="The policy's own actions, a .csv with a row for each of its outputs."),
 ]
 Listed = Annotated[str | None, typer.Option(metavar="LIST", help="A comma list.", show_default="all that are there")]
-Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Of what is drawn at random.")]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random draws.")]
 TaskName = Annotated[
     str,
     typer.Argument(metavar="TASK", help="A name, or the path of a task's folder.", autocompletion=completed("tasks")),

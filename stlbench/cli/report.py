@@ -32,10 +32,10 @@ def report(
     ],
     html: Annotated[bool, typer.Option("--html", help="Write report.html alone: one page with everything.")] = False,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="With --html: the page's file.", show_default="DIR/report.html")
+        Path | None, typer.Option(metavar="FILE", help="The page's file, for --html.", show_default="DIR/report.html")
     ] = None,
     rescore: Annotated[
-        bool, typer.Option("--rescore", help="Of bundles: score the stored policies again, and use these scores.")
+        bool, typer.Option("--rescore", help="Score the stored policies of bundles again, and use these scores.")
     ] = False,
     width: Fitting = "page",
     explain: Explain = False,

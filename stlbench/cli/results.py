@@ -36,7 +36,7 @@ def remove(
         typer.Argument(metavar="[CELL]...", help="Names, task/method/agent/seed; '*' stands for any characters."),
     ] = None,
     status: Annotated[
-        list[str] | None, typer.Option(metavar="STATUS", help="Only cells that ended so; may be said more than once.")
+        list[str] | None, typer.Option(metavar="STATUS", help="Only cells that ended so. May be given several times.")
     ] = None,
     budget: Annotated[str | None, typer.Option(metavar="NAME", help="Only cells of this budget.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
@@ -55,7 +55,7 @@ def remove(
     """
     chosen = upkeep.choose(folder, cells, status, budget)
     if as_json and not yes:
-        raise UsageError("--json cannot ask; say --yes too")
+        raise UsageError("--json cannot ask for a yes; add --yes")
     if not as_json:
         for result in chosen:
             typer.echo(f"{result.id.name} {result.id.budget} {result.status}")

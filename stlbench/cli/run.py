@@ -89,10 +89,10 @@ def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator
     try:
         yield
     except KeyboardInterrupt:
-        typer.echo(f"interrupted: {_recorded(cells(), folder)}; say the same command again to go on", err=True)
+        typer.echo(f"interrupted: {_recorded(cells(), folder)}; run the same command again to continue", err=True)
         raise typer.Exit(130) from None
     except DiskFull as error:
-        refuse(f"{error}: {_recorded(cells(), folder)}; make room, and say the same command again to go on")
+        refuse(f"{error}: {_recorded(cells(), folder)}; make room, and run the same command again to continue")
         raise typer.Exit(DISK_FULL) from None
 
 
@@ -116,7 +116,7 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
         raise typer.Exit(1)
     if rows and all(row.status == "unsuitable" for row in rows):
         reasons = list(dict.fromkeys(row.reason for row in rows))
-        others = f"; cells beside it have other reasons ({len(reasons) - 1})" if len(reasons) > 1 else ""
+        others = f"; other cells have other reasons ({len(reasons) - 1})" if len(reasons) > 1 else ""
         raise UsageError(f"no cell fits, so nothing was trained: {rows[0].id.name}: {reasons[0]}{others}")
 
 

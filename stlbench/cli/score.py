@@ -42,7 +42,7 @@ def score(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Budget whose random starts count; of a cell, its budget.",
+            help="Budget whose random starts count; a cell has its own.",
             show_default="the only one of the task's cells in DIR, or of the task, else quick",
         ),
     ] = None,
@@ -52,7 +52,7 @@ def score(
     actions: OwnActions = None,
     name: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="What tables call it.", show_default="as the file or the function"),
+        typer.Option(metavar="NAME", help="Its name in tables.", show_default="as the file or the function"),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(metavar="N", min=0, help="Which of several alike.", show_default="0")
@@ -156,6 +156,6 @@ def _text(result: Result, results: Path) -> Iterator[str | Table]:
     yield Report(groups, {}).robustness
     counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})
     if len(counts) > 1:
-        rule = "compare those from as many; --budget says which are counted"
+        rule = "compare only rows from equally many; --budget chooses the number"
         yield f"The rows are from {', '.join(map(str, counts[:-1]))} or {counts[-1]} starts: {rule}"
     yield f"Recorded in {results}/; its tables change with `stlbench report`"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @takes_actors
 def falsify(
     chosen: Chosen,
-    evaluations: Annotated[int, typer.Option(metavar="N", help="Episodes that are simulated at most.")] = 10_000,
+    evaluations: Annotated[int, typer.Option(metavar="N", help="The most episodes to simulate.")] = 10_000,
     optimiser: Annotated[
         str | None,
         typer.Option(
@@ -140,10 +140,10 @@ def _line(one: Falsification) -> str:
 @takes_actors
 def certify(
     chosen: Chosen,
-    confidence: Annotated[float, typer.Option(metavar="C", help="With which the answer is right.")] = 0.99,
+    confidence: Annotated[float, typer.Option(metavar="C", help="Probability that the answer is right.")] = 0.99,
     starts: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Random starts.", show_default="1000; with a rule to stop 100,000 at most"),
+        typer.Option(metavar="N", help="Random starts.", show_default="1000; with a rule to stop at most 100,000"),
     ] = None,
     at_least: Annotated[
         float | None,

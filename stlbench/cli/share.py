@@ -31,16 +31,14 @@ def bundle(
         Path | None, typer.Argument(metavar="[FILE]", help="The bundle.", show_default="RESULTS.zip")
     ] = None,
     title: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="What the results are called.", show_default="the folder's name")
+        str | None, typer.Option(metavar="TEXT", help="Title of the results.", show_default="the folder's name")
     ] = None,
-    description: Annotated[str, typer.Option(metavar="TEXT", help="What they are of, in a sentence.")] = "",
+    description: Annotated[str, typer.Option(metavar="TEXT", help="A sentence about the results.")] = "",
     author: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Who made them; may be said more than once.")
+        list[str] | None, typer.Option(metavar="NAME", help="An author. May be given several times.")
     ] = None,
-    license: Annotated[
-        str, typer.Option(metavar="SPDX", help="Under which licence others may use them.")
-    ] = "CC-BY-4.0",
-    traces: Annotated[bool, typer.Option("--traces", help="Take the recorded traces along, which are large.")] = False,
+    license: Annotated[str, typer.Option(metavar="SPDX", help="Licence by which others may use them.")] = "CC-BY-4.0",
+    traces: Annotated[bool, typer.Option("--traces", help="Include the recorded traces, which are large.")] = False,
     as_json: Json = False,
 ) -> None:
     """Pack results, tables and policies into one file with checksums, for others to check and to score again.
@@ -127,7 +125,7 @@ def _csv(table: pd.DataFrame) -> str:
 
 def export_policy(
     cell: Cell,
-    out: Annotated[Path, typer.Argument(metavar="FILE", help="What is written; its ending is .onnx.")],
+    out: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write; it ends in .onnx.")],
     results: From = Path("results"),
     budget: Budget = None,
     which: Which = "selected",

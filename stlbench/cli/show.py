@@ -105,7 +105,7 @@ def schema(
 def method(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="As `stlbench list methods` says.", autocompletion=completed("methods")),
+        typer.Argument(metavar="NAME", help="Name of a reward method.", autocompletion=completed("methods")),
     ],
     as_json: Json = False,
 ) -> None:

@@ -21,13 +21,11 @@ from stlbench.task.equal_rewards import Difference
 _TRAINING_NOTES = (
     "Cuts are steps. An end counts as if the least that the method pays for a step were paid for ever after.",
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
-    "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
-    "Half of the states drawn are near: they fulfil, of the conditions that still stand, the one that ends first.",
+    "The share kept of these begins where the last episode ended. The others begin in states, or as all do.",
+    "Half of the drawn states are near: they fulfil the open condition that ends first.",
 )
 _NO_RECIPE = "An agent without a recipe trains with its defaults."
-_EARLY = (
-    "Where a training episode ends early, a function of time pays for ending sooner, or later; else it changes nothing."
-)
+_EARLY = "If training episodes end early, a function of time pays for ending sooner or later; else it changes nothing."
 
 
 _CELLS, _BAR = 30, "\u2588"
@@ -40,7 +38,7 @@ def task(
         Literal["auto", "shared", "plain"] | None,
         typer.Option(
             metavar="NAME",
-            help="As `stlbench run --track` trains it.",
+            help="Show it as `stlbench run --track` trains it.",
             show_default="shared; auto for a task without a recipe",
         ),
     ] = None,
@@ -104,7 +102,7 @@ def _seen(facts: dict[str, Any]) -> str:
     if facts["features"] != "engineered":
         return {"state": "the state alone, scaled", "observation": "the whole observation"}[facts["features"]]
     beyond = "; ".join(facts["beyond_state"])
-    return f"features; beyond the state: {beyond}" if beyond else "features; what is beyond the state is not declared"
+    return f"features; beyond the state: {beyond}" if beyond else "features; the task does not say what they add"
 
 
 def _baseline_lines(known: dict[str, Any]) -> list[str]:

@@ -16,14 +16,14 @@ def solve(
         typer.Argument(metavar="ENVIRONMENT_OR_TASK", help="An id of Gymnasium; or a task, by its name or path."),
     ],
     formula: Annotated[
-        str | None, typer.Argument(metavar="FORMULA", help="What to satisfy.", show_default="the task's own")
+        str | None, typer.Argument(metavar="FORMULA", help="The formula to satisfy.", show_default="the task's own")
     ] = None,
     signals: Annotated[
         list[str] | None,
         typer.Option(
             "--signal",
             metavar="NAME=EXPRESSION",
-            help="Over entries of the observation, obs[0] the first, or of the info. May be given several times.",
+            help="A signal over entries of observation (obs[0] is the first) or info. May be given several times.",
             show_default="each entry by its own name",
         ),
     ] = None,
@@ -36,16 +36,16 @@ def solve(
             show_default="solved/ENVIRONMENT, with a number for each further formula",
         ),
     ] = None,
-    confidence: Annotated[float, typer.Option(metavar="C", help="Of the certificate.")] = 0.95,
+    confidence: Annotated[float, typer.Option(metavar="C", help="Confidence of the certificate.")] = 0.95,
     time: Annotated[
         Literal["steps", "seconds"] | None,
         typer.Option("--time", help="Unit of the formula's intervals.", show_default="steps, or as the task says"),
     ] = None,
     terminated: Annotated[
         Literal["hold", "violated", "interval"] | None,
-        typer.Option(help="What an early end means.", show_default="hold with F or U in the formula, else violated"),
+        typer.Option(help="Meaning of an early end.", show_default="hold with F or U in the formula, else violated"),
     ] = None,
-    executor: Annotated[str, typer.Option(metavar="NAME", help="Where trainings run.")] = "local",
+    executor: Annotated[str, typer.Option(metavar="NAME", help="Executor of the trainings.")] = "local",
     jobs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Trainings at a time.", show_default="2, or 1 on one core")
     ] = None,
@@ -87,7 +87,7 @@ def solve(
         )
     except KeyboardInterrupt:
         typer.echo(
-            "interrupted: what is done is kept, solution.md has the best so far; say the same again to go on", err=True
+            "interrupted: solution.md has the best policy so far; run the same command again to continue", err=True
         )
         raise typer.Exit(130) from None
     typer.echo(solution.report())

@@ -39,7 +39,7 @@ def suite() -> None:
 @app.command("list")
 def list_tasks(
     tasks: Annotated[
-        str | None, typer.Argument(metavar="[TASKS]", help="As suite:dev; without it, what there is.")
+        str | None, typer.Argument(metavar="[TASKS]", help="A name such as suite:dev; without it, all that there is.")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -31,10 +31,10 @@ def verify(
         Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote, or a bundle (.zip).")
     ],
     repair: Annotated[
-        bool, typer.Option("--repair", help="Have the next run measure again what is damaged or missing.")
+        bool, typer.Option("--repair", help="Let the next run measure damaged or missing cells again.")
     ] = False,
     rescore: Annotated[
-        bool, typer.Option("--rescore", help="Of a bundle: have the referee score its policies again.")
+        bool, typer.Option("--rescore", help="Let the referee score the policies of a bundle again.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -56,7 +56,7 @@ def verify(
     """
     if folder.suffix == ".zip":
         if repair:
-            raise UsageError(f"{folder} is a bundle, which is packed anew and not repaired; leave --repair out")
+            raise UsageError(f"{folder} is a bundle, which cannot be repaired; leave --repair out, and pack it again")
         _verify_bundle(folder, rescore, as_json)
         return
     if rescore:
@@ -150,6 +150,6 @@ def _bundle_text(path: Path, checked: Checked, scored: list[Rescored]) -> Iterat
         Column("satisfied, found", digits=3): lambda each: reported(each.found).satisfaction if each.found else None,
         Column("verdict", right=False): lambda each: each.verdict,
     }
-    note = "Robustness and share that satisfies, of the starts that tables report; the verdict is of all protocols."
+    note = "Robustness and satisfied are of the starts that tables report; the verdict is of all protocols."
     if scored:
         yield Table.of("Scored again", scored, columns, (note,))

@@ -27,11 +27,9 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
         seeds = max(1, MOST // len(groups))
         shown = [row for group in groups for row in group.rows[:seeds]][:MOST]
         which = f"first {seeds} seeds of each setting" if len(groups) <= MOST else f"first {len(shown)}"
-        notes.append(f"Of {len(rows)} cells the {which}; `stlbench show cell` shows any.")
+        notes.append(f"This table has the {which}, not all {len(rows)} cells; `stlbench show cell` shows any.")
         rows = shown
-    notes.append(
-        "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
-    )
+    notes.append("Numbers are of the selected policy, from the report's starts. A cell opens for scores, cost and log.")
     numbers: dict[Column, Callable[[Numbers], Value]] = {
         Column("mean robustness", digits=3): lambda each: each.robustness_mean,
         Column("worst start", digits=3): lambda each: each.robustness_min,

@@ -31,7 +31,7 @@ def falsifications(results: Sequence[Falsification]) -> Table:
     count, open_ = sum(one.found for one in results), sum(one.open for one in results)
     notes = [f"{count} of {len(results)} have a counterexample."]
     if open_:
-        notes.append(f"Of {open_} the verdict is open: an episode ended early, and some continuations satisfy.")
+        notes.append(f"{open_} have an open verdict: an episode ended early, and some continuations satisfy.")
     return Table.of("Falsification", results, columns, tuple(notes))
 
 

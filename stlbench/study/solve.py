@@ -52,7 +52,7 @@ def _setting(item: str) -> PlanSetting:
         parameters = {}
     if not parameters:
         rule = "recipe, without=PART+PART or PARAMETER=VALUE of an agent that plans, or several joined by spaces"
-        raise UsageError(f"settings: '{item.strip()}' is none; one is {rule}")
+        raise UsageError(f"settings: '{item.strip()}' is no setting; a setting is {rule}")
     return PlanSetting(parameters.pop("without", ""), tuple(parameters.items()))
 
 
@@ -79,7 +79,7 @@ def plan_alignment(
     has no such part, no method fits it, or no agent is installed that plans for a reward.
     """
     if task.parameters:
-        raise UsageError(f"{task}: name the task alone, and what it is to do without as a setting")
+        raise UsageError(f"{task}: name the task alone, and give without=... as a setting")
     loaded = load_task(task)
     if not isinstance(loaded.dynamics, System):
         rule = "a plan sets the state of the simulator, which only the task of a System allows"

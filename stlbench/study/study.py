@@ -153,7 +153,7 @@ class Study(BaseModel):
         Literal["auto", "shared", "plain", "tuned"] | None, Option("NAME", "shared; auto for a task without a recipe")
     ] = Field(
         None,
-        description="By which rules: auto, help derived from the formula; shared, one recipe per task; plain, no help; "
+        description="Rules of training: auto, by the formula; shared, one recipe per task; plain, no help; "
         "tuned, a recipe per method.",
     )
     recipes: Annotated[Path | None, Option("FILE")] = Field(
@@ -170,7 +170,7 @@ class Study(BaseModel):
         None, description="Run part K of N only, in a folder of its own in that of results."
     )
     executor: Annotated[Choice, BeforeValidator(read_executor), Option("NAME")] = Field(
-        Choice("local"), description="Where cells run."
+        Choice("local"), description="The executor that runs cells."
     )
     log: Annotated[tuple[Choice, ...], BeforeValidator(read_logs), Option("LIST", "none", completes="logs")] = Field(
         (), description="Send the run to these logs, a comma list: tensorboard, wandb."
@@ -180,7 +180,7 @@ class Study(BaseModel):
     )
     attempts: Annotated[int, Option("N")] = Field(3, ge=1, description="Give up cells that failed N times in a row.")
     keep_old: Annotated[bool, Option("")] = Field(
-        False, description="Count results of before a change of the code as done."
+        False, description="Count results from before a change of the code as done."
     )
 
     @classmethod

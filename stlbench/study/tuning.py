@@ -97,9 +97,9 @@ def entrants(study: Study) -> tuple[Entrant, ...]:
     space.
     """
     if study.seeds is None or min(study.seeds) < FIRST_SEED:
-        raise UsageError(f"seeds below {FIRST_SEED} are reported and not tuned with; say --seeds 100-101")
+        raise UsageError(f"seeds below {FIRST_SEED} are for reports, not for tuning; say --seeds 100-101")
     if study.track not in (None, "shared"):
-        raise UsageError("what is tuned is the shared recipe; a track is said to `stlbench run`")
+        raise UsageError("tuning begins with the shared recipe; give a track to `stlbench run` instead")
     return tuple(
         entrant
         for task in map(load_task, study.tasks)

@@ -70,7 +70,7 @@ def test_a_plugin_that_ends_the_process_has_broken_a_rule(say, toy):
 def test_bad_input_is_one_line_and_2(say, toy):
     for words, said in (
         (("toy-rav",), "no method 'toy-rav'; did you mean 'toy-raw'?"),
-        (("zzzz",), "no plugin 'zzzz'; `stlbench list methods` and its like say what there is"),
+        (("zzzz",), "no plugin 'zzzz'; `stlbench list methods` names those that there are"),
         (("toy-line", "--kind", "agent"), "no agent 'toy-line'"),
         (
             ("toy-agent", "--task", "toy-line"),
@@ -85,4 +85,4 @@ def test_bad_input_is_one_line_and_2(say, toy):
 def test_a_folder_of_that_name_is_hinted_at(say, toy):
     Path("zz-mine").mkdir()
     (error,) = say("check", "zz-mine").stderr.splitlines()
-    assert error == "error: no plugin 'zz-mine'; the folder of that name is meant by ./zz-mine"
+    assert error == "error: no plugin 'zz-mine'; write ./zz-mine for the folder of that name"

@@ -105,7 +105,7 @@ def test_a_cell_that_cannot_be_used_is_left_out_of_all(cells: Callable[..., Resu
 def test_what_is_no_subject(cells: Callable[..., Result], command: str) -> None:
     for words, said in (
         ((), "error: name a cell, --all "),
-        ((UP, "--all"), "name no others beside it"),
+        ((UP, "--all"), "do not name others"),
         ((UP, "--on", "state"), "with --task"),
         (("--task", "toy-line"), "--task needs a policy"),
         ((UP, "--task", "toy-line"), "a cell: name it without --task"),

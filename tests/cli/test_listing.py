@@ -79,11 +79,11 @@ def test_methods_that_pay_for_the_same(say, toy, site):
     assert "ends early" not in shown
     path = toy / "toy_plugins/line/task.yaml"
     path.write_text(path.read_text() + "training: {ends: [{where: x > 2}]}\n")
-    assert "Where a training episode ends early" in say("show", "task", "toy-line").stdout
+    assert "If training episodes end early" in say("show", "task", "toy-line").stdout
 
 
 def test_what_policies_see(say, toy):
-    assert "seen:     features; what is beyond the state is not declared\n" in say("show", "task", "toy-line").stdout
+    assert "seen:     features; the task does not say what they add\n" in say("show", "task", "toy-line").stdout
     alone = say("show", "task", "toy-line[without=features]")
     assert "seen:     the state alone, scaled\n" in alone.stdout
     lines = say("show", "task", "robot-nav").stdout.splitlines()

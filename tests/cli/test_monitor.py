@@ -109,7 +109,7 @@ def test_bad_input_exits_2_with_a_clear_line(say, trace):
         (["z > 0", "trace.csv"], "formula uses signal 'z'"),
         (["G[0,5] x > 0", "trace.csv"], "formula: needs 6 rows, the trace has 3; --policy clip evaluates short traces"),
         (["1/x > 0", "trace.csv", "--dt", "0"], "must be positive, got 0"),
-        (["--formulas", "all.txt", "x > 0", "trace.csv"], "with --formulas, name one trace and no formula"),
+        (["--formulas", "all.txt", "x > 0", "trace.csv"], "--formulas needs one trace and no formula"),
         (["--formulas", "wrong.txt", "trace.csv"], "wrong.txt, line 3: line 1, column 3"),
     ):
         done = say("monitor", *words)

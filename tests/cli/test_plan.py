@@ -132,7 +132,7 @@ def test_what_cannot_be_planned_is_a_row_with_its_reason(plan):
 def test_what_is_wrong_is_one_line_and_nothing_is_written(plan):
     for words, message in (
         (("--methods", "toy-lite"), "no method 'toy-lite'; did you mean 'toy-light'"),
-        (("--settings", "recipes"), "settings: 'recipes' is none; one is recipe, without=PART+PART or"),
+        (("--settings", "recipes"), "settings: 'recipes' is no setting; a setting is recipe, without=PART+PART or"),
         (("--settings", "without=cuts"), "toy-line[without=cuts]: the task is without cuts as it is"),
         (("--settings", "gama=1"), "toy-plan[gama=1]: no parameter 'gama'; did you mean 'gamma'?"),
         (("--resolution", "fine"), "Invalid value for '--resolution': should be a number"),
@@ -148,7 +148,7 @@ def test_an_interrupt_says_how_to_go_on(plan, monkeypatch):
     monkeypatch.setattr(agents, "interrupt", True)
     done = plan("--settings", "recipe,gamma=1")
     assert done.exit_code == 130
-    said = "interrupted: 3 of 5 cells are recorded in results/plan/; say the same command again to go on"
+    said = "interrupted: 3 of 5 cells are recorded in results/plan/; run the same command again to continue"
     assert done.stderr.splitlines()[-1] == said
     monkeypatch.setattr(agents, "interrupt", False)
     assert plan("--settings", "recipe,gamma=1").exit_code == 0

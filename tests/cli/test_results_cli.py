@@ -139,7 +139,7 @@ def test_parquet(say, ledger, monkeypatch):
         (["show", "cell", "hold-disc/funnel/dqn/7"], "there is no cell 'hold-disc/funnel/dqn/7'; did you mean"),
         (["show", "method", "funel"], "no method 'funel'; did you mean 'funnel'?"),
         (["results", "remove", "results"], "which cells?"),
-        (["results", "remove", "results", "*", "--json"], "--json cannot ask; say --yes too"),
+        (["results", "remove", "results", "*", "--json"], "--json cannot ask for a yes; add --yes"),
     ],
 )
 def test_bad_input_exits_2_with_one_line(say, ledger, words, message):

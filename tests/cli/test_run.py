@@ -109,7 +109,7 @@ def test_ctrl_c_keeps_what_is_done_says_what_is_missing_and_the_next_run_goes_on
     monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", 6)
     done = run("toy-raw", "--seeds", "5")
     assert done.exit_code == 130
-    message = "interrupted: 3 of 5 cells are recorded in results/; say the same command again to go on"
+    message = "interrupted: 3 of 5 cells are recorded in results/; run the same command again to continue"
     assert done.stderr.splitlines()[-1] == message
     shown = say("report", "results").stdout
     assert "toy-raw  3 of 3, 2 not run" in shown

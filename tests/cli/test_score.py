@@ -159,7 +159,7 @@ class TestOutside:
         assert json.loads(done.stdout)["measurement"]["selected"]["random"]["summary"]["starts"] == 3
         assert say(*RUN, "--budget", "smoke").exit_code == 0
         done = say("score", "toy-line", "zz_functions:down", "--name", "beside")
-        assert "The rows are from 3 or 5 starts: compare those from as many; --budget says which" in done.stdout
+        assert "The rows are from 3 or 5 starts: compare only rows from equally many; --budget" in done.stdout
         scored = Results.load("results").cell("toy-line/unknown/beside/0/outside").measurement
         assert scored.selected["random"].starts == 5
         assert say(*RUN).exit_code == 0  # now there are two budgets
@@ -287,6 +287,6 @@ class TestStored:
             (["--start", "nan"], "--start nan: numbers separated by commas"),
             (["--start", "1,2"], "a start of toy-line has 1 numbers, x; got 2"),
             (["--start-index", "8"], "the report of toy-line has starts 0 to 7, got 8"),
-            (["--start-index", "1", "--start", "1"], "--start and --start-index: one start, said once"),
+            (["--start-index", "1", "--start", "1"], "give --start or --start-index, not both"),
         ):
             assert message in refused(say("render", "results", CELL, *words))

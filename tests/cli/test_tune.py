@@ -68,7 +68,7 @@ def by_them(say):
 def test_bad_input_is_one_line(say, tunable):
     run = ("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here")
     for words, message in (
-        ((*TUNE, "--seeds", "3"), "seeds below 100 are reported and not tuned with; say --seeds 100-101"),
+        ((*TUNE, "--seeds", "3"), "seeds below 100 are for reports, not for tuning; say --seeds 100-101"),
         ((*TUNE, "--agents", "planner"), "agent planner has nothing to tune: it declares no search_space"),
         ((*run, "--track", "tuned"), "track tuned, and no other, needs a file of recipes"),
         ((*run, "--recipes", "none.yaml"), "cannot read the recipes none.yaml"),

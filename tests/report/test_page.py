@@ -107,7 +107,10 @@ def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(
         result(method, seed, robustness=[0.1 + 0.1 * seed, 0.4]) for method in ("funnel", "raw") for seed in range(5)
     ]
     found = Page(write(made, (), {}, tmp_path).read_text())
-    assert "Of 10 cells the first 2 seeds of each setting; `stlbench show cell` shows any." in found.text
+    assert (
+        "This table has the first 2 seeds of each setting, not all 10 cells; `stlbench show cell` shows any."
+        in found.text
+    )
     assert found.cells == [f"hold-disc/{method}/dqn/{seed}" for method in ("funnel", "raw") for seed in (0, 1)]
 
 
@@ -149,5 +152,5 @@ def test_it_stays_small_and_says_what_it_leaves_out(tmp_path: Path, monkeypatch:
     found = Page(path.read_text())
     shown = [label for label in found.attributes("alt") if label.startswith("Robustness by seed of 2 methods on")]
     assert 20 < len(shown) < 30
-    assert "Of 1200 cells the first 5 seeds of each setting" in found.text
+    assert "This table has the first 5 seeds of each setting, not all 1200 cells" in found.text
     assert "Figures are left out, as the page would be too large: `stlbench report` and" in found.text

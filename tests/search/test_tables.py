@@ -61,7 +61,7 @@ def test_open_verdicts() -> None:
     assert (first["counterexample"], first["first counterexample"]) == (None, None)
     assert first["failed"] == "ended early, at step 3, verdict open"
     assert table.notes[0] == "1 of 2 have a counterexample."
-    assert table.notes[1].startswith("Of 1 the verdict is open")
+    assert table.notes[1].startswith("1 have an open verdict")
     table = certificates([certify(cut, Claim(starts=20)), certify(still("G[0,8] a <= 1"), Claim(starts=20))])
     assert [(row["satisfied"], row["open"]) for row in to_records(table)] == [(0, 20), (20, 0)]
     assert "open verdicts do not count" in table.notes[0]

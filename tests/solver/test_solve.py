@@ -200,7 +200,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
         patched.setattr("stlbench.solver.race.run_study", interrupted)
         done = say("CartPole-v1", HARD, "--minutes", "15", "--jobs", "1")
     assert done.exit_code == 130
-    assert "say the same again" in done.stderr
+    assert "run the same command again to continue" in done.stderr
     assert calls == ["probe", "rung-1"]
     kept = Solution.load("out")
     assert kept.certificate["starts"] == 100

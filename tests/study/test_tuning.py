@@ -140,7 +140,7 @@ def test_what_the_user_fixes_is_not_tuned() -> None:
         ({"seeds": "99-101"}, "seeds below 100 are reported"),
         ({"tasks": "robot-nav[hold=20]"}, "hold is tuned; name the task without it"),
         ({"agents": "planner"}, "agent planner has nothing to tune: it declares no search_space"),
-        ({"track": "plain"}, "what is tuned is the shared recipe"),
+        ({"track": "plain"}, "tuning begins with the shared recipe"),
     ],
 )
 def test_bad_input_is_refused(words: dict[str, str], message: str) -> None:

@@ -198,7 +198,7 @@ def worst_table(stories: Mapping[Setting, Story]) -> Table:
         Column("margin", digits=3): lambda row: why.margin if (why := row[1].place.witness) else None,
     }
     notes = (
-        "Of the selected policies of all seeds, the report's start with the least robustness.",
+        "The report's start with the least robustness, over the selected policies of all seeds.",
         "Lost first: the part of the formula that nothing could satisfy any more from that step on. Decided by: the "
         "predicate whose margin at that step is the robustness.",
     )

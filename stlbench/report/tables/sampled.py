@@ -158,7 +158,7 @@ def pairs_table(fields: Iterable[Field]) -> Table:
         if (both := _fitting(part, one, other))
     )
     columns = _WHERE | _OTHER | _numbers(lambda line: line.fitted, "both fit", "learned more often", "higher score")
-    note = "By how much the method has more than the other, mean over the tasks that both fit. "
+    note = "How much more the method has than the other, mean over the tasks that both fit. "
     return Table.of("Differences on drawn tasks", lines, columns, (note + _INTERVALS,))
 
 
