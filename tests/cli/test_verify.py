@@ -61,6 +61,20 @@ def test_damage_is_named_and_repaired(folder):
     assert "1 cell is marked, for the next `stlbench run` to measure again" in say(folder).stdout
 
 
+def test_a_ledger_that_sqlite_cannot_read_is_one_line_with_the_ways_out(folder):
+    file = folder / FILE
+    file.write_bytes(file.read_bytes()[:4096] + bytes(4096) + file.read_bytes()[8192:])
+    done = say(folder)
+    assert (done.exit_code, done.stdout.count("\n")) == (1, 1)
+    assert done.stdout.startswith(f"{file} is damaged: ")
+    ways = "; take the file away, and the results are read from cells.jsonl beside it; or SQLite's own tool writes anew"
+    assert f"{ways} what it can read: `sqlite3 {file} .recover | sqlite3 {folder / 'new-ledger.sqlite'}`" in done.stdout
+    for command in (["report", folder], ["verify", folder, "--repair"], ["export", folder]):
+        assert ways in refused(CliRunner().invoke(app, list(map(str, command))))
+    file.unlink()
+    assert say(folder).stdout == f"{folder}/: 3 rows, 0 files as they were recorded: whole\n"
+
+
 def test_a_ledger_without_rows_is_empty(tmp_path):
     with Ledger(tmp_path / FILE) as ledger:
         ledger.plan({"a": result().id})
