@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 import ablation
@@ -56,28 +55,17 @@ def auto_parts() -> str:
 
 
 def auto_verdicts() -> str:
-    """One row per pair of methods that ran by rules: how many verdicts by hand decide, and what becomes of them."""
+    """A sentence: how many verdicts between two methods decide by hand, and what becomes of them by rules."""
     hand, rules = (
         {key: said.partition(",")[0] for key, said in compared(*of).items()}
         for of in (("reference", "shared"), ("auto", "auto"))
     )
-    found = dict[tuple[str, str], Counter[str]]()
-    for (task, *pair), said in rules.items():
-        told = hand[task, *pair]
-        before, after = told in _DECIDED, said in _DECIDED
-        found.setdefault((pair[0], pair[1]), Counter()).update(
-            {
-                "decided by hand": before,
-                "the same by rules": before and said == told,
-                "turned round": before and after and said != told,
-                "undecided by rules": before and not after,
-            }
-        )
-    columns = list(next(iter(found.values())))
-    total = sum(found.values(), Counter[str]())
-    body = [[f"`{one}`, `{other}`", *(str(each[name]) for name in columns)] for (one, other), each in found.items()]
-    return markdown(
-        ["methods", *columns], [*body, ["all", *(str(total[name]) for name in columns)]], right=len(columns)
+    decided = [(hand[key], said) for key, said in rules.items() if hand[key] in _DECIDED]
+    same = sum(before == after for before, after in decided)
+    turned = sum(before != after and after in _DECIDED for before, after in decided)
+    return (
+        f"{same} of the {len(decided)} verdicts that decide by hand are the same by rules. {turned} are turned "
+        f"round, and {len(decided) - same - turned} are undecided."
     )
 
 
