@@ -136,8 +136,8 @@ def test_what_the_user_fixes_is_not_tuned() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ({"seeds": "5"}, "seeds below 100 are reported and not tuned with"),
-        ({"seeds": "99-101"}, "seeds below 100 are reported"),
+        ({"seeds": "5"}, "seeds below 100 are for reports, not for tuning"),
+        ({"seeds": "99-101"}, "seeds below 100 are for reports"),
         ({"tasks": "robot-nav[hold=20]"}, "hold is tuned; name the task without it"),
         ({"agents": "planner"}, "agent planner has nothing to tune: it declares no search_space"),
         ({"track": "plain"}, "tuning begins with the shared recipe"),
