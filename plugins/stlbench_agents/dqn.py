@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from stlbench_agents.recipes import DeepQ, Head, Positive, ShareBelow1
 from stlbench_agents.training import cost_of, grid_of
 
 if TYPE_CHECKING:
-    from stlbench_agents.independent import Team, TeamPolicy
-    from stlbench_agents.q_learner import GreedyPolicy, QLearner
+    from stlbench_agents.independent import Team
+    from stlbench_agents.q_learner import QLearner
 
 _RESUMED = 0.2
 """The probability of a random action, at most, of a training that starts from an earlier policy: it knows already."""
@@ -101,7 +101,7 @@ class _Trainee:
         self._generator = np.random.default_rng([seed, 1])
         self._most = 1.0
 
-    def resume(self, policy: GreedyPolicy | TeamPolicy) -> None:
+    def resume(self, policy: Any) -> None:
         self._learner.resume(policy)
         self._most = _RESUMED
 

@@ -71,9 +71,7 @@ def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, fo
     return replace(measured.numbers, policies=stored)
 
 
-def measure(
-    task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial: Arrays | None = None
-) -> Measured:
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial: Arrays | None = None) -> Measured:
     """Train, perhaps from the arrays of an earlier policy, and score the selected and the final policy."""
     whole = Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
