@@ -152,8 +152,8 @@ class Trainer:
             return best
         if rank(best)[0] == 0 and (found := self.posed.search(60 * self.clock.minutes)):
             self.say(found)
-        known = self.posed.state["methods"]  # of a race that was stopped
-        racing = racing[: self._plan(racing, best) if known is None else len(known)]
+        methods = self.posed.state["methods"]  # of a race that was stopped
+        racing = racing[: self._plan(racing, best) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
             names = ", ".join(
