@@ -49,7 +49,7 @@ def box_of(actions: Actions) -> ActionBox:
 
 def refuse_other(own: Sequence[int], other: Sequence[int]) -> None:
     """Raises `Unsuitable` where a policy to start from has other inputs, or other hidden layers, than the network."""
-    for what, ours, theirs in (("inputs", own[:1], other[:1]), ("hidden layers of width", own[1:], other[1:])):
+    for what, ours, theirs in (("inputs", own[:1], other[:1]), ("hidden units", own[1:], other[1:])):
         if ours != theirs:
             numbers = [" and ".join(map(str, each)) for each in (theirs, ours)]
             raise Unsuitable(f"the policy to start from has {numbers[0]} {what}, and {numbers[1]} are needed")

@@ -39,10 +39,10 @@ def read(path: Path) -> Arrays:
 
     Raises `UsageError`: no such file, a link, or no policy.
     """
+    if not path.is_file():
+        raise UsageError(f"there is no policy at {path}")
     try:
         arrays = npz.read(path, folder=path.parent)
-    except FileNotFoundError as error:
-        raise UsageError(f"there is no policy at {path}") from error
     except ValueError as error:
         raise UsageError(f"cannot read {path} as a policy: {error}") from error
     selected = {name.removeprefix(_SELECTED): each for name, each in arrays.items() if name.startswith(_SELECTED)}
