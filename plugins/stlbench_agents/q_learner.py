@@ -25,7 +25,7 @@ from stlbench_agents.layers import OutputBuffers, layout, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.recipes import Head
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-from stlbench_agents.training import refuse_other
+from stlbench_agents.training import refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.dqn import DQN
@@ -163,7 +163,7 @@ class QLearner:
             recipe.averaging,
             recipe.double,
         )
-        self._actions, self._copies, self._count = grid.size, copies, 0
+        self._actions, self._copies, self._count, self._updates = grid.size, copies, 0, updates
         self._batch = Batch.of(recipe.batch_size, size)
         self._output_buffers = OutputBuffers.of(self.network.engine.layers, copies)
         self._buffers = QBuffers.of(self.network.engine, recipe.batch_size)
@@ -176,6 +176,10 @@ class QLearner:
         if own.head != other.head:
             raise Unsuitable(f"the policy to start from has head {other.head}, and the recipe {own.head}")
         self.weights = Weights.of(policy.flat)
+        first = resumed_rate(self.recipe)
+        self.schedule = self.schedule._replace(
+            rate=first, decay=decay(first, self.recipe.learning_rate_final, self._updates)
+        )
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""

@@ -15,7 +15,7 @@ from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-from stlbench_agents.training import refuse_other
+from stlbench_agents.training import refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.td3 import TD3
@@ -95,7 +95,11 @@ class TD3Learner:
         parts = [part for layer in hidden for part in layer] + [last.T, bias]
         self.actor = Weights.of(np.concatenate([part.ravel() for part in parts]))
         delay = self.schedule.delay
-        self.schedule = self.schedule._replace(still=int(_STILL * self._updates) // delay * delay)
+        first, last = resumed_rate(self.recipe), self.recipe.learning_rate_final
+        self.schedule = self.schedule._replace(
+            rate=first, decay=decay(first, last, self._updates), still=int(_STILL * self._updates) // delay * delay
+        )
+        self._noise[:] = self._noise[-1]
         self._random_steps = 0
 
     def act(self, observation: Array) -> Array:
