@@ -16,6 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import yaml
 from row_by_row import add, rows
 
 ROOT = Path(__file__).parents[1]
@@ -33,6 +34,8 @@ COLUMNS = (
     "said",
     "remark",
 )
+IDLE = "idle"
+"""Per cent of the starts that the action zero, the best constant action and random actions satisfy."""
 MINUTES = 3.0
 CLOCK = ROOT / "tests" / "benchmarks" / "cpu_clock"
 
@@ -64,20 +67,22 @@ def main(names: list[str]) -> None:
     done = {row["environment"] for row in rows(ROWS)}
     for name in names or list(PROBLEMS):
         if name not in done:
-            add(ROWS, COLUMNS, [measured(name, PROBLEMS[name], FOLDERS / re.sub(r"\W+", "-", name), MINUTES)])
+            add(ROWS, (*COLUMNS, IDLE), [measured(name, PROBLEMS[name], FOLDERS / re.sub(r"\W+", "-", name), MINUTES)])
 
 
 def page() -> str:
     """The table of the page, in the order of the problems."""
-    head = "| environment | formula | minutes | satisfied | certificate, 95 % | what went wrong |"
-    lines = [head, "|---|---|--:|--:|--:|---|"]
+    columns = ("environment", "formula", "zero, held, random action", "minutes", "satisfied", "certificate, 95 %")
+    head = f"| {' | '.join(columns)} | what went wrong |"
+    lines = [head, "|---|---|--:|--:|--:|--:|---|"]
     known = {row["environment"]: row for row in rows(ROWS)}
     for name in PROBLEMS:
         if name in known:
             row = known[name]
             certificate = f"{100 * float(row['low']):.1f} %" if row["low"] else "none"
             formula = row["formula"].replace("|", "\\|")
-            cells = [f"`{name}`", f"`{formula}`", f"{float(row['cpu']) / 60:.1f}", row["satisfied"], certificate]
+            idle = f"{row[IDLE]} %" if row[IDLE] else "unknown"
+            cells = [f"`{name}`", f"`{formula}`", idle, f"{float(row['cpu']) / 60:.1f}", row["satisfied"], certificate]
             lines.append(f"| {' | '.join([*cells, row['remark']])} |")
     return "\n".join(lines)
 
@@ -108,6 +113,7 @@ def measured(name: str, arguments: list[str], folder: Path, minutes: float) -> d
     }
     if run.returncode:
         return row | {"said": run.stderr.strip().splitlines()[-1]}
+    stated = yaml.safe_load((folder / "task" / "task.yaml").read_text(encoding="utf-8"))["baselines"]
     facts = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
     text = (folder / "solution.md").read_text(encoding="utf-8")
     failing = re.search(r"What fails first, from \d+ of \d+ starts: `(.*)`", text)
@@ -120,6 +126,7 @@ def measured(name: str, arguments: list[str], folder: Path, minutes: float) -> d
         "trained_by": facts["cell"].removeprefix("task/").removesuffix("/auto"),
         "fails_first": failing[1] if failing else "",
         "said": "; ".join(notes),
+        IDLE: ", ".join(f"{100 * stated[each]['satisfied']:.0f}" for each in ("zero", "constant", "random")),
     }
 
 

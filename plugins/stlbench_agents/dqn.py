@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from stlbench_agents.training import cost_of, grid_of
 if TYPE_CHECKING:
     from stlbench_agents.independent import Team
     from stlbench_agents.q_learner import QLearner
+
+_RESUMED = 0.2
+"""The probability of a random action, at most, of a training that starts from an earlier policy: it knows already."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,9 +99,14 @@ class _Trainee:
         updates = rounds * recipe.gradient_steps
         self._learner = recipe.learner(environment, self._counterfactuals.copies, seed, updates)
         self._generator = np.random.default_rng([seed, 1])
+        self._most = 1.0
+
+    def resume(self, policy: Any) -> None:
+        self._learner.resume(policy)
+        self._most = _RESUMED
 
     def act(self, observation: Array) -> Integers:
-        epsilon = self._recipe.exploration(self._done / self._rounds)
+        epsilon = min(self._most, self._recipe.exploration(self._done / self._rounds))
         self._done += 1
         return self._learner.act(observation, epsilon, self._generator)
 

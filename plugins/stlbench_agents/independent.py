@@ -53,6 +53,11 @@ class Team:
     def __init__(self, learners: Sequence[QLearner], sizes: Sequence[int]) -> None:
         self.learners, self.sizes = learners, tuple(sizes)
 
+    def resume(self, policy: TeamPolicy) -> None:
+        """Start each robot from its own network of an earlier policy."""
+        for learner, own in zip(self.learners, policy.robots, strict=True):
+            learner.resume(own)
+
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Joint actions (N,) at observations (N, D); each robot explores on its own, with probability `epsilon`."""
         own = [learner.act(observation, epsilon, generator) for learner in self.learners]

@@ -27,6 +27,9 @@ class LockStepLearner(Protocol):
     def policy(self) -> Policy:
         """The policy as it is now, which later updates do not change."""
 
+    def resume(self, policy: Any) -> None:
+        """Start from the networks of an earlier policy, before the first step. Raises `Unsuitable` for other sizes."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LockStepAgent(OffPolicy, CompiledAgent):
@@ -39,6 +42,8 @@ class LockStepAgent(OffPolicy, CompiledAgent):
     """factor on rewards, which arrive divided by the method's `scale`. They are also weighted by 1 - gamma, so that
     values keep the scale of the reward; with gamma = 1 they are not"""
 
+    resumes = True
+
     @abstractmethod
     def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
         """A fresh learner, for so many steps of all copies. Raises `Unsuitable` if the actions are of another kind."""
@@ -47,6 +52,8 @@ class LockStepAgent(OffPolicy, CompiledAgent):
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner, reports = self.begin(environment, training.seed, rounds), report_rounds(rounds, training.checkpoints)
+        if training.initial is not None:
+            learner.resume(self.restore(training.initial, environment.actions))
         observation = environment.reset()
         for done in range(1, rounds + 1):
             action = learner.act(observation)

@@ -25,6 +25,7 @@ from stlbench_agents.layers import OutputBuffers, layout, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.recipes import Head
 from stlbench_agents.replay import Batch, Memory, Replay, gather
+from stlbench_agents.training import refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.dqn import DQN
@@ -162,11 +163,23 @@ class QLearner:
             recipe.averaging,
             recipe.double,
         )
-        self._actions, self._copies, self._count = grid.size, copies, 0
+        self._actions, self._copies, self._count, self._updates = grid.size, copies, 0, updates
         self._batch = Batch.of(recipe.batch_size, size)
         self._output_buffers = OutputBuffers.of(self.network.engine.layers, copies)
         self._buffers = QBuffers.of(self.network.engine, recipe.batch_size)
         self._update = fixed_types(_update_joint if recipe.head == "joint" else _update_additive)
+
+    def resume(self, policy: GreedyPolicy) -> None:
+        """Start from the weights of an earlier policy. Raises `Unsuitable` where it has another network."""
+        own, other = self.network, policy.network
+        refuse_other((own.inputs, *own.net_arch), (other.inputs, *other.net_arch))
+        if own.head != other.head:
+            raise Unsuitable(f"the policy to start from has head {other.head}, and the recipe {own.head}")
+        self.weights = Weights.of(policy.flat)
+        first = resumed_rate(self.recipe)
+        self.schedule = self.schedule._replace(
+            rate=first, decay=decay(first, self.recipe.learning_rate_final, self._updates)
+        )
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""

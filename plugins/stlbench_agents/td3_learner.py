@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Array, Integers, Transition
+from stlbench.contract import ActionBox, Array, Integers, Transition, Unsuitable
 from stlbench_agents.actor_critic import Networks, Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.kernels import compiled, fixed_types
 from stlbench_agents.layers import OutputBuffers, outputs_at, size_of, views
@@ -15,9 +15,14 @@ from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.replay import Batch, Memory, Replay, gather
+from stlbench_agents.training import refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.td3 import TD3
+
+
+_STILL = 0.1
+"""The share of a training from an earlier policy in which its actor rests."""
 
 
 class Schedule(NamedTuple):
@@ -29,6 +34,7 @@ class Schedule(NamedTuple):
     penalty: float
     spread: float
     limit: float
+    still: int  # updates before the first of the actor, a multiple of `delay`
 
 
 class TD3Learner:
@@ -51,6 +57,7 @@ class TD3Learner:
             recipe.action_penalty,
             recipe.target_policy_noise,
             recipe.target_noise_clip,
+            0,
         )
         rows = max(recipe.n_steps + 1, min(rounds, recipe.buffer_size // copies))
         self.replay = Replay(rows, copies, inputs, recipe.n_steps, recipe.gamma, recipe.reward_scale, axes=axes)
@@ -58,6 +65,7 @@ class TD3Learner:
         self._noise = np.linspace(first, first if last is None else last, rounds)
         self._shares = np.linspace(0.25, 1.75, copies)[:, None]
         self._copies, self._done, self._count = copies, 0, 0
+        self._random_steps, self._updates = recipe.random_steps, updates
         self._batch = Batch.of(recipe.batch_size, inputs, axes)
         self._output_buffers = OutputBuffers.of(self.networks.actor, 1)
         self._buffers = TD3Buffers.of(self.networks, recipe.batch_size)
@@ -73,9 +81,30 @@ class TD3Learner:
             matrix[:] = self._generator.uniform(-bound, bound, matrix.shape)
         return flat
 
+    def resume(self, policy: ActorPolicy) -> None:
+        """Start from an earlier actor. A policy has no critics: the actor rests until fresh ones have learned.
+
+        Raises `Unsuitable` where it has another network.
+        """
+        layers = policy.layers
+        own, other = views(self.actor.online, self.networks.actor)[:-2:2], [matrix for matrix, _ in layers[:-1]]
+        refuse_other(*([len(hidden[0]), *(matrix.shape[1] for matrix in hidden)] for hidden in (own, other)))
+        if policy.activation != "relu" or not policy.squashed:
+            raise Unsuitable("the policy to start from is another kind of network than that of td3")
+        (last, bias), hidden = layers[-1], layers[:-1]
+        parts = [part for layer in hidden for part in layer] + [last.T, bias]
+        self.actor = Weights.of(np.concatenate([part.ravel() for part in parts]))
+        delay = self.schedule.delay
+        first, last = resumed_rate(self.recipe), self.recipe.learning_rate_final
+        self.schedule = self.schedule._replace(
+            rate=first, decay=decay(first, last, self._updates), still=int(_STILL * self._updates) // delay * delay
+        )
+        self._noise[:] = self._noise[-1]
+        self._random_steps = 0
+
     def act(self, observation: Array) -> Array:
         shape = (self._copies, len(self.box.names))
-        if self._done < self.recipe.random_steps:
+        if self._done < self._random_steps:
             self._action = self._generator.uniform(-1, 1, shape)
         else:
             noise = self._noise[self._done] * self._shares * self._generator.standard_normal(shape)
@@ -148,6 +177,6 @@ def _update(
         targets(actor.target, critics.target, networks, batch, noise, buffers)
         critic_gradient(critics.online, networks, batch, buffers, critics.gradient)
         step(critics, rate, count, np.inf, tau, 0.0)
-        if acts:
+        if acts and count > schedule.still:
             actor_gradient(actor.online, critics.online, networks, batch, schedule.penalty, buffers, actor.gradient)
-            step(actor, rate, count // schedule.delay, np.inf, tau, 1 - schedule.averaging)
+            step(actor, rate, (count - schedule.still) // schedule.delay, np.inf, tau, 1 - schedule.averaging)

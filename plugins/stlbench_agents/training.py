@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stlbench.contract import ActionBox, ActionGrid, Actions, Cost, Unsuitable
+
+if TYPE_CHECKING:
+    from stlbench_agents.recipes import Learner
 
 
 def report_rounds(rounds: int, checkpoints: int) -> set[int]:
@@ -45,6 +49,19 @@ def box_of(actions: Actions) -> ActionBox:
             "take an agent such as dqn"
         )
     return actions
+
+
+def refuse_other(own: Sequence[int], other: Sequence[int]) -> None:
+    """Raises `Unsuitable` where a policy to start from has other inputs, or other hidden layers, than the network."""
+    for what, ours, theirs in (("inputs", own[:1], other[:1]), ("hidden units", own[1:], other[1:])):
+        if ours != theirs:
+            numbers = [" and ".join(map(str, each)) for each in (theirs, ours)]
+            raise Unsuitable(f"the policy to start from has {numbers[0]} {what}, and {numbers[1]} are needed")
+
+
+def resumed_rate(recipe: Learner) -> float:
+    """The first learning rate of a training from an earlier policy, between the first and the last of the recipe."""
+    return math.sqrt(recipe.learning_rate * recipe.learning_rate_final)
 
 
 def need_sb3() -> None:

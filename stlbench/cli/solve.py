@@ -45,6 +45,15 @@ def solve(
         Literal["hold", "violated", "interval"] | None,
         typer.Option(help="Meaning of an early end.", show_default="hold with F or U in the formula, else violated"),
     ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="SOLVED",
+            help="Folder of an earlier solve on the same observations and actions: start from its policy.",
+            show_default="fresh networks",
+        ),
+    ] = None,
     executor: Annotated[str, typer.Option(metavar="NAME", help="Executor of the trainings.")] = "local",
     jobs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Trainings at a time.", show_default="2, or 1 on one core")
@@ -81,6 +90,7 @@ def solve(
             confidence=confidence,
             time=time,
             terminated=terminated,
+            start=start,
             executor=executor,
             jobs=jobs,
             progress=True,

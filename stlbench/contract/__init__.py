@@ -59,6 +59,7 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `Agent.uncompiled`, `preload` | agents that compile code or load large libraries |
 | `Agent.plans`, `Model`, `End`, `StatePolicy` | agents that plan |
 | `Agent.trains` | agents without training, such as a controller |
+| `Agent.resumes`, `Training.initial` | agents that start from an earlier policy |
 | `Work.prepare`, `log`, `facts` | executors that fork, store output, or use other machines |
 | `cached` | plugins with functions that Numba compiles |
 | `stlbench.contract.presentation` | plugins with something to show in tables, figures and films |

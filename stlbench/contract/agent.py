@@ -110,6 +110,9 @@ class Training:
     checkpoints: int = 20
     model: Model | None = None
     """For an agent that plans; None for one that learns."""
+    initial: Arrays | None = None
+    """`Policy.arrays` of an earlier policy of this agent, whose networks the training starts from; None for fresh ones.
+    Only an agent that `resumes` gets them."""
 
 
 class Cost(NamedTuple):
@@ -140,6 +143,8 @@ class Agent(ABC):
     trains: ClassVar[bool] = True
     """False for an agent without training, such as a controller. If an agent that trains takes no step, its cell is
     `raised`."""
+    resumes: ClassVar[bool] = False
+    """Whether it can start from an earlier policy (`Training.initial`, `run --init`)."""
     search_space: ClassVar[Mapping[str, tuple[float | int | str | bool, ...]]] = MappingProxyType({})
     """Values that `stlbench tune` tries for every method: parameter -> values. `hold` stands for the steps of an
     action, where it fits the task. The task's own recipe is tried too. Name what methods need differently: one that

@@ -34,6 +34,10 @@ class Choice:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(sorted(self.parameters)))
 
+    def without(self, name: str) -> Choice:
+        """The choice without one of its parameters."""
+        return Choice(self.name, tuple(pair for pair in self.parameters if pair[0] != name))
+
     def __str__(self) -> str:
         inside = ",".join(f"{key}={value}" for key, value in self.parameters)
         return f"{self.name}[{inside}]" if inside else self.name

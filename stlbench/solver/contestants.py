@@ -10,9 +10,11 @@ from stlbench.contract import ActionGrid, Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choice
 from stlbench.rollout.auto import automatic, in_turn
 from stlbench.study.tracks import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods
+from stlbench.task.build import INIT
 
 _MOST = 4  # contestants
 _LONG = 20
@@ -45,11 +47,21 @@ class Contestant:
     @classmethod
     def of(cls, result: Result) -> Contestant:
         """Who trained."""
-        return cls(str(result.id.method), str(result.id.agent))
+        return cls(str(result.id.method), str(result.id.agent.without(INIT)))
 
 
-def contestants(task: Task, minutes: float) -> tuple[Contestant, ...]:
-    """At most four: methods that fit with the task's agent, and with much time the first of them with another agent."""
+def resumes(agent: str) -> bool:
+    """Whether an agent can start from an earlier policy."""
+    return bool(getattr(plugins.find("agents", parse_choice(agent).name).load(), "resumes", False))
+
+
+def contestants(task: Task, minutes: float, known: Contestant | None = None) -> tuple[Contestant, ...]:
+    """At most four: methods that fit with the task's agent, and with much time the first of them with another agent.
+
+    Alone the one that trained the policy from which all start, if there is such a policy.
+    """
+    if known is not None:
+        return (known,)
     own = own_agent_on(task, "auto")
     derived = automatic(task, own)
     fitting = fitting_methods(derived)

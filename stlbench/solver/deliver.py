@@ -32,7 +32,7 @@ from stlbench.solver.contestants import rank
 from stlbench.solver.posed import TASK, WITNESS, Posed
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
-from stlbench.solver.solution import FILE, FINAL, cells_of
+from stlbench.solver.solution import FILE, FINAL, MORE, cells_of
 from stlbench.study.filming import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
@@ -196,7 +196,9 @@ class Delivery:
         each = ", ".join(f"seed {seed} {100 * share:.0f} %" for seed, share in sorted(shares.items()))
         if each:
             yield f"Retrained with fresh seeds. Share of the selection starts that satisfy: {each}."
-        if self.best.id.budget != FINAL:
+        if self.best.id.budget.startswith(MORE):
+            yield "It was trained on: from further starts it satisfied more often than the policies before it."
+        elif self.best.id.budget != FINAL:
             why = "no fresh seed is better on the selection starts" if each else "no time was left to train again"
             yield f"The policy is from the race: {why}."
 

@@ -92,7 +92,7 @@ class Posed:
         """Forget methods and budgets that were chosen for another time."""
         if self.state.get("minutes") != minutes:
             self._change_budgets(lambda budgets: {"probe": budgets["probe"]})
-            self.remember(minutes=minutes, methods=None)
+            self.remember(minutes=minutes, methods=None, chosen=None)
 
     def _change_budgets(self, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         path = self.folder / TASK.name / _FILE
@@ -114,7 +114,7 @@ def pose(
         inside(path, folder)  # all that is written, before anything is trained
     if asked.is_file():
         state = _state(folder)
-        if state["problem"] != asdict(problem):
+        if state["problem"] != problem.facts:
             raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
         _refuse_other_code(problem, home)
         folders.know(home, instead=True)
@@ -124,7 +124,7 @@ def pose(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
         )
     try:
-        state = {"problem": asdict(problem)} | _posed(problem, home, 60 * minutes, say)
+        state = {"problem": problem.facts} | _posed(problem, home, 60 * minutes, say)
     except BaseException:
         shutil.rmtree(home, ignore_errors=True)
         raise
@@ -134,7 +134,7 @@ def pose(
 
 def is_of(problem: Problem, folder: Path) -> bool:
     """Whether `solve` worked on this problem in this folder."""
-    return (folder / _ASKED).is_file() and bool(_state(folder)["problem"] == asdict(problem))
+    return (folder / _ASKED).is_file() and bool(_state(folder)["problem"] == problem.facts)
 
 
 class _State(BaseModel):
@@ -147,6 +147,7 @@ class _State(BaseModel):
     searched: bool = False
     minutes: float | None = None
     methods: tuple[str, ...] | None = None
+    chosen: str | None = None
 
 
 def _state(folder: Path) -> dict[str, Any]:

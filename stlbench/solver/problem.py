@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -46,6 +46,13 @@ class Problem:
     """What an early end means; by the formula where None."""
     keywords: Mapping[str, Any] = field(default_factory=dict)
     """What the environment is made with."""
+    start: str | None = None
+    """The hash of the policy from which trainings start."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """As `solve.json` has it."""
+        return {name: value for name, value in asdict(self).items() if name != "start" or value is not None}
 
 
 def content_of(problem: Problem, seconds: float | None = None) -> dict[str, Any]:

@@ -9,16 +9,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
 
 import numpy as np
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.solver import tries
-from stlbench.solver.contestants import Contestant, best_first, contestants, rank
+from stlbench.solver.contestants import Contestant, best_first, contestants, rank, resumes
+from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.posed import TASK, Posed
-from stlbench.solver.solution import FINAL, RACE, cells_of
+from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
+from stlbench.solver.start import Start
 from stlbench.study.run import build_executor, run_study
 from stlbench.study.tuning import FIRST_SEED
 
@@ -44,6 +49,10 @@ _LONGER = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
 _AGAIN = 1.5
 """The second seed of the final training is planned where both have so many times the seconds of the winner."""
+_LOOK, _LOOKED = 0.02, (100, 500)
+"""The share of the time for a look from further starts, and how many these are at least and at most."""
+_MOST_AT_ONCE = 2
+"""Trainings that go on side by side."""
 _SLACK = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
 _HANGING = 600.0
@@ -80,11 +89,18 @@ class Trainer:
     """Whether each study prints how it goes on."""
     executor: str = "local"
     jobs: int | None = None
+    start: Start | None = None
+    """The policy from which all trainings start."""
 
     def train(
-        self, budget: str, who: Sequence[Contestant], seeds: Sequence[int], enough: Callable[[Result], bool]
+        self,
+        budget: str,
+        who: Sequence[Contestant],
+        seeds: Sequence[int],
+        enough: Callable[[Result], bool],
+        init: Path | None = None,
     ) -> list[Result]:
-        """The results of these cells, the best first.
+        """The results of these cells, the best first; perhaps from a policy.
 
         They end with the first that is `enough`. Where the time before the delivery is too short no more begin, but
         those that run side by side all end. A study has one agent.
@@ -106,6 +122,7 @@ class Trainer:
                 seeds=seeds,
                 budget=budget,
                 track="auto",
+                init=init or (None if self.start is None else self.start.path),
                 results=self.posed.folder / cells_of(budget),
                 executor=self.executor,
                 jobs=self.jobs,
@@ -122,7 +139,9 @@ class Trainer:
     def race(self) -> Result:
         """The best result; its method is the winner. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
-        racing = list(contestants(self.posed.task, self.clock.minutes))
+        racing = list(
+            contestants(self.posed.task, self.clock.minutes, None if self.start is None else self.start.trained_by)
+        )
         # no probe may last: a slow environment would use up all time before anything is known of its speed
         steps, seconds = self.posed.task.budget("probe").steps, _PROBE * 60 * self.clock.minutes
         self._write("probe", steps, seconds, checkpoints=_OF_PROBE, patience=_PATIENCE)
@@ -133,8 +152,8 @@ class Trainer:
             return best
         if rank(best)[0] == 0 and (found := self.posed.search(60 * self.clock.minutes)):
             self.say(found)
-        known = self.posed.state["methods"]  # of a race that was stopped
-        racing = racing[: self._plan(racing, best) if known is None else len(known)]
+        methods = self.posed.state["methods"]  # of a race that was stopped
+        racing = racing[: self._plan(racing, best) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
             names = ", ".join(
@@ -239,6 +258,58 @@ class Trainer:
         contestant, steps = Contestant.of(winner), self.posed.task.budget(FINAL).steps
         self.say(f"final: {contestant.method}, fresh seeds, at most {steps} steps each; {_score(winner)}")
         return self.train(FINAL, [contestant], FINAL_SEEDS, _satisfies)
+
+    # ------------------------------------------------------------------------------------------------------ going on
+
+    def improve(self, trained: Sequence[Result]) -> list[Result]:
+        """Train on while time is left, and further starts show that the certificate can rise; the best first.
+
+        In turn, from the best policy and from fresh networks: the other way follows one that was no better.
+        """
+        known = {each.key: each for each in (*trained, *self._done(FINAL))}
+        if (chosen := known.pop(self.posed.state["chosen"], None)) is not None:
+            return [chosen, *known.values()]
+        best, others = trained[0], [*trained[1:]]
+        seen, onward = self._outlook(best), True
+        for turn in count(1):
+            if not seen.can_rise or not self._plan_more(f"{MORE}{turn}", best):
+                break
+            contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _MOST_AT_ONCE * (turn - 1)
+            init = self._policy_of(best) if onward and resumes(contestant.agent) else None
+            how = "fresh networks" if init is None else "the best policy"
+            self.say(f"training on, from {how}: {contestant.method}; {seen}")
+            seeds = range(first, first + min(_MOST_AT_ONCE, self._at_once))
+            rose = False
+            for result in self.train(f"{MORE}{turn}", [contestant], seeds, lambda result: False, init):
+                now = seen if result.measurement is None else self._outlook(result)
+                if (now.share, rank(result)) > (seen.share, rank(best)):
+                    others.append(best)
+                    best, seen, rose = result, now, True
+                else:
+                    others.append(result)
+            onward = onward == rose
+        self.posed.remember(chosen=best.key)
+        return [best, *others]
+
+    def _outlook(self, result: Result) -> Outlook:
+        starts = int(np.clip(_LOOK * 60 * self.clock.minutes / self.posed.episode_seconds, *_LOOKED))
+        return outlook(self.posed.folder / cells_of(result.id.budget), result, starts)
+
+    def _policy_of(self, result: Result) -> Path:
+        return cell_files(self.posed.folder / cells_of(result.id.budget), result.id, result.key).policies
+
+    def _plan_more(self, budget: str, best: Result) -> bool:
+        """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""
+        if budget in self.posed.task.file.budgets:
+            return True  # of a solve that was stopped
+        apart, each = _cost(best)
+        assert best.measurement is not None
+        if self._left < 2 * (apart + tries.least(self.posed.task) * each):
+            return False
+        half = self._left / 2
+        checkpoints, seconds = self._training(half if half >= best.measurement.wall_seconds else self._left, apart)
+        self._write(budget, int(seconds / each), seconds, checkpoints, patience=checkpoints)
+        return True
 
 
 def _satisfies(result: Result) -> bool:

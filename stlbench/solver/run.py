@@ -21,6 +21,7 @@ from stlbench.solver.posed import is_of, pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
+from stlbench.solver.start import Start
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_calls import blaming
@@ -38,6 +39,7 @@ def solve(
     confidence: float = 0.95,
     time: Literal["steps", "seconds"] | None = None,
     terminated: EarlyEnd | None = None,
+    start: str | Path | None = None,
     executor: str = "local",
     jobs: int | None = None,
     progress: bool = False,
@@ -59,6 +61,8 @@ def solve(
         confidence: of the certificate, in (0, 1).
         time: unit of the formula's intervals; steps, or what the task says, if None.
         terminated: what it means that the environment ends an episode early, as in a task file; by the formula if None.
+        start: folder of an earlier solution, of the same observations and actions. Trainings start from its policy,
+            with the same method and agent.
         executor: where trainings run, as for `run_study`.
         jobs: trainings at a time.
         progress: print on stderr how it goes on.
@@ -85,18 +89,21 @@ def solve(
     def say(text: str) -> None:
         note(f"== {text}; {duration(clock.left)} left" if clock.left else f"== {text}")
 
-    problem = Problem(identifier, formula, texts, time, terminated, keywords)
+    begun = None if start is None else Start.of(Path(start))
+    problem = Problem(identifier, formula, texts, time, terminated, keywords, None if begun is None else begun.digest)
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")
     with blaming(identifier):
         posed = pose(problem, folder, minutes, note)
     for line in posed.notes:
         note(line)
+    if begun is not None:
+        begun.check(posed.task)
     posed.begin(minutes)
-    trainer = Trainer(posed, clock, say, progress, executor, jobs)
+    trainer = Trainer(posed, clock, say, progress, executor, jobs, begun)
     try:
         winner = trainer.race()
-        trained = best_first(trainer.final(winner), [winner])
+        trained = trainer.improve(best_first(trainer.final(winner), [winner]))
     except KeyboardInterrupt:
         if trained := trainer.kept():
             say("interrupted: a short certificate of the best so far; ctrl-C again leaves it out")

@@ -26,7 +26,9 @@ from stlbench.task.named_code import code_of
 
 FILE = "certificate.json"
 FINAL, RACE = "final", "race"
-"""Folders of results: of the last training, whose budget has the same name, and of all before."""
+"""Folders of results: of the last trainings, the first of which has a budget of that name, and of all before."""
+MORE = "more-"
+"""The beginning of the budgets of those that go on after it."""
 
 
 class Acting:
@@ -118,7 +120,7 @@ class Solution:
         """
         place = Path(folder)
         try:
-            certificate = _certificate(place / FILE)
+            certificate = certificate_of(place / FILE)
             cells, home = (inside(place / name, place, "read") for name in (cells_of(certificate["budget"]), TASK.name))
             for path in home.iterdir():
                 inside(path, place, "read")
@@ -143,11 +145,11 @@ class Solution:
 
 def cells_of(budget: str) -> str:
     """The folder of results that has the trainings of a budget."""
-    return FINAL if budget == FINAL else RACE
+    return FINAL if budget == FINAL or budget.startswith(MORE) else RACE
 
 
-def _certificate(path: Path) -> Mapping[str, Any]:
-    """Raises `OSError` or `ValueError`."""
+def certificate_of(path: Path) -> Mapping[str, Any]:
+    """The content of a certificate's file. Raises `OSError` or `ValueError`, and `UsageError` for a link."""
     content = json.loads(read(path, path.parent))
     if not isinstance(content, dict) or not all(isinstance(content.get(name), str) for name in ("cell", "budget")):
         raise ValueError(f"{path.name} names no cell with its budget")

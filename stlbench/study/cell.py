@@ -30,6 +30,7 @@ class Cell:
     deadline: float  # wall seconds after which it is stopped
     recipe: Recipe | None = None  # of its method, on the track `tuned`
     folder: Path | None = None  # where its task is, for a task that is a folder
+    init: Path | None = None  # the policy whose hash the agent's choice has, from which it starts
     parts: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     """Name and hash of each part of the key but the track and the seed, as `keys.PARTS` names them."""
     code: tuple[Code, ...] = field(default=(), repr=False)

@@ -7,18 +7,21 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stlbench.contract import Unsuitable, cause
+from stlbench.contract import Agent, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout.environment import BatchEnvironment
+from stlbench.study import initial
 from stlbench.study.cell import Cell, Ingredients, Part, agent_part, harness, method_part, task_part
 from stlbench.study.code_changes import changed
+from stlbench.study.initial import Initial
 from stlbench.study.provenance import here
 from stlbench.study.tracks import Recipe, Recipes, on_track, own_agent_on
 from stlbench.task import build_agent, build_method, load_task
@@ -33,12 +36,13 @@ def plan_cells(
     budget: str,
     track: Track | None = None,
     recipes: Recipes | None = None,
+    init: Initial | None = None,
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
     No method or agent is imported, so that a study that is already done is answered at once; see `check_cells`. Without
     agents, each task is trained by its own (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without
-    seeds, the task's budget says how many.
+    seeds, the task's budget says how many. All agents start from the policy `init`, if there is one.
     Raises `UsageError` for an unknown name or budget, a task with errors, no seed, or a missing recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
@@ -51,7 +55,10 @@ def plan_cells(
     for task in map(load_task, dict.fromkeys(tasks)):
         on = track or task.own_track
         trained_by = chosen or (Choice(own_agent_on(task, on)),)
-        planned.append(_Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, on, code))
+        if init is not None:
+            trained_by = tuple(map(init.given_to, trained_by))
+        place = None if init is None else init.path
+        planned.append(_Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, on, code, place))
     every_seed = sorted(set().union(*(task.seeds for task in planned)))
     return tuple(
         task.cell(method, agent, seed, part, recipes)
@@ -69,6 +76,7 @@ class _Planned:
     budget: str
     track: Track
     harness: Part
+    init: Path | None
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: Part, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
@@ -76,7 +84,7 @@ class _Planned:
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
         place = folders.place_of(self.task.choice.name)
         deadline = self.task.budget(self.budget).deadline
-        return Cell(cell, within.key(self.track, seed), deadline, recipe, place, within.parts, within.code)
+        return Cell(cell, within.key(self.track, seed), deadline, recipe, place, self.init, within.parts, within.code)
 
     def _ingredients(self, part: Part, agent: Choice, recipe: Recipe | None) -> Ingredients:
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
@@ -103,7 +111,7 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
         plugins.check("methods", method)
     for cell, task in _trainings(planned):
         agent = cell.id.agent
-        _check_agent(task, agent)
+        initial.check(cell, task, _checked_agent(task, agent))
         if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return tuple(notes)
@@ -131,9 +139,9 @@ def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], Non
             yield agent, work
 
 
-def _check_agent(task: Task, agent: Choice) -> None:
+def _checked_agent(task: Task, agent: Choice) -> Agent:
     try:
-        build_agent(task, agent)
+        return build_agent(task, agent)
     except UsageError:
         raise
     except Exception as error:

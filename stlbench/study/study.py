@@ -159,6 +159,9 @@ class Study(BaseModel):
     recipes: Annotated[Path | None, Option("FILE")] = Field(
         None, description="Recipes of the track tuned, as `stlbench tune` writes them."
     )
+    init: Annotated[Path | None, Option("POLICY", "fresh networks")] = Field(
+        None, description="All agents start from this policy, a file (.npz) that `stlbench run` or `solve` stored."
+    )
     jobs: Annotated[int | None, Option("N", "2, or 1 on a single core")] = Field(
         None, ge=1, description="Cells at a time."
     )
@@ -210,11 +213,13 @@ class Study(BaseModel):
 
     def cells(self) -> tuple[Cell, ...]:
         """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
+        from stlbench.study.initial import Initial
         from stlbench.study.plan import plan_cells  # imports tasks, which the options of a command do without
         from stlbench.study.tracks import read_recipes
 
         recipes = None if self.recipes is None else read_recipes(self.recipes)
-        cells = plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes)
+        init = None if self.init is None else Initial.of(self.init)
+        cells = plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes, init)
         return cells if self.shard is None else self.shard.of(cells)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Any, NamedTuple, NoReturn
 
-from stlbench.contract import Agent, Array, Integers, Policy, RewardMethod, StatePolicy, Training, Transition
+from stlbench.contract import Agent, Array, Arrays, Integers, Policy, RewardMethod, StatePolicy, Training, Transition
 from stlbench.registry.breaches import breach
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.model import model_of
@@ -55,6 +55,7 @@ def train(
     agent: Agent,
     cell: Cell,
     score: Callable[[Policy | StatePolicy], tuple[float, float]],
+    initial: Arrays | None = None,
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
@@ -83,7 +84,7 @@ def train(
 
     plugin, seed = task.choice.name, cell.id.seed
     random = derive_seed(plugin, cell.id.agent.name, "training", seed)
-    training = Training(make, budget.steps, random, report, budget.checkpoints)
+    training = Training(make, budget.steps, random, report, budget.checkpoints, initial=initial)
     if agent.plans is not None:
         training = replace(training, model=model_of(task, method))
     else:

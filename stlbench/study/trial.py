@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Unsuitable
+from stlbench.contract import Agent, Array, Arrays, Intractable, Policy, RewardMethod, StatePolicy, Unsuitable
 from stlbench.errors import one_line
 from stlbench.records import saved_policies, saved_traces
 from stlbench.records.outputs import cell_files, inside
@@ -22,6 +22,7 @@ from stlbench.rollout.observing import observation_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell
+from stlbench.study.initial import arrays_of
 from stlbench.study.tracks import Recipe
 from stlbench.study.training import Checkpoint, Clock, train
 from stlbench.task import Task, build_agent, build_method
@@ -39,7 +40,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         method = build_method(task, cell.id.method)
         agent = build_agent(task, cell.id.agent)
         refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
-        measured = measure(task, method, agent, cell)
+        measured = measure(task, method, agent, cell, arrays_of(cell))
     except Intractable as reason:
         return cell.ended("intractable", one_line(reason))
     except Unsuitable as reason:
@@ -70,11 +71,11 @@ def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, fo
     return replace(measured.numbers, policies=stored)
 
 
-def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> Measured:
-    """Train, and score the selected and the final policy."""
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial: Arrays | None = None) -> Measured:
+    """Train, perhaps from the arrays of an earlier policy, and score the selected and the final policy."""
     whole = Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = train(task, method, agent, cell, referee.glance)
+    trained = train(task, method, agent, cell, referee.glance, initial)
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)

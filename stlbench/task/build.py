@@ -52,10 +52,14 @@ def fitting_methods(
     return methods
 
 
+INIT = "init"
+"""Of the choice of an agent, and no parameter of its constructor: the hash of the policy that it starts from."""
+
+
 def build_agent(task: Task, choice: Choice | str) -> Agent:
     """The chosen agent with the task's recipe, or its defaults; the parameters of the choice override both.
 
     Raises `UsageError`, and `Unsuitable` where the agent cannot train on this machine.
     """
-    choice = choice_of(choice)
+    choice = choice_of(choice).without(INIT)
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))

@@ -9,7 +9,7 @@ import pytest
 from helpers import plain_q
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Event, Integers, Transition
+from stlbench.contract import ActionGrid, Event, Integers, Transition, Unsuitable
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import GreedyPolicy, QLearner
 from stlbench_agents.recipes import Head
@@ -178,3 +178,18 @@ def test_random_actions_are_uniform_and_the_others_those_of_the_current_weights(
     # of the tenth that is random a sixth is the best all the same
     share = np.mean(ours.act(observation, 0.1, generator) != best)
     assert share == pytest.approx(0.1 * 5 / 6, abs=0.01)
+
+
+def test_a_training_that_resumes_has_the_earlier_weights() -> None:
+    earlier, resumed = learner(seed=1), learner(seed=2)
+    resumed.resume(earlier.policy())
+    for part in resumed.weights[:3]:
+        np.testing.assert_array_equal(part, earlier.weights.online)
+    assert not resumed.weights.mean.any()
+
+
+def test_a_policy_of_another_network_is_refused() -> None:
+    with pytest.raises(Unsuitable, match="has 12 and 8 hidden units, and 4 are needed"):
+        learner(net_arch=(4,)).resume(learner().policy())
+    with pytest.raises(Unsuitable, match="has head joint, and the recipe additive"):
+        learner(head="additive").resume(learner().policy())

@@ -10,7 +10,7 @@ import torch
 from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox, Integers
+from stlbench.contract import ActionBox, Integers, Unsuitable
 from stlbench_agents.actor_critic import Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.layers import views
 from stlbench_agents.replay import Batch
@@ -181,3 +181,26 @@ def test_actions_in_training_are_those_of_the_current_weights_with_noise_within_
     flat, x = torch.from_numpy(made.actor.online), torch.from_numpy(observation).float()
     squashed = torch.tanh(perceptron(flat, made.networks.actor, x)).numpy()
     assert made.explored(observation, noise) == pytest.approx(np.clip(squashed + noise, -1, 1), abs=1e-5)
+
+
+def test_a_training_that_resumes_has_the_earlier_actor_which_rests_at_first() -> None:
+    earlier = new(random_steps=4).policy()
+    resumed = new(random_steps=4, batch_size=6)
+    resumed.resume(earlier)
+    seen = np.random.default_rng(1).normal(size=(5, INPUTS))
+    np.testing.assert_array_equal(resumed.policy().act(seen), earlier.act(seen))
+    np.testing.assert_allclose(
+        BOX.low + (resumed.explored(seen, np.zeros((5, 2))) + 1) / 2 * np.array([2, 4]), earlier.act(seen), rtol=1e-5
+    )
+    resumed.replay.widen(np.array([-100.0, 100.0]))
+    critics = resumed.critics.online.copy()
+    resumed.update(*drawn(resumed.schedule.still))
+    assert (resumed.critics.online != critics).any()
+    np.testing.assert_array_equal(resumed.policy().act(seen), earlier.act(seen))
+    resumed.update(*drawn(4))
+    assert (resumed.policy().act(seen) != earlier.act(seen)).any()
+
+
+def test_an_actor_of_another_size_is_refused() -> None:
+    with pytest.raises(Unsuitable, match="has 8 and 8 hidden units, and 4 are needed"):
+        new(net_arch=(4,)).resume(new().policy())

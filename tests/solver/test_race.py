@@ -16,6 +16,7 @@ from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.rollout.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, best_first, contestants
+from stlbench.solver.outlook import Outlook
 from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
@@ -27,6 +28,7 @@ class Played:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, shares: dict[tuple[str, int], float]) -> None:
         self.shares, self.cells, self.now = shares, list[tuple[str, str, str, int]](), 0.0
+        self.inits = list[Any]()
         self.last: dict[tuple[str, int], float] = {}
         """The share of the last policy, where it is not that of the best."""
         monkeypatch.setattr("stlbench.solver.race.run_study", self)
@@ -34,6 +36,7 @@ class Played:
 
     def __call__(self, **options: Any) -> list[Result]:
         results = list[Result]()
+        self.inits.append(options["init"])
         for seed, method, agent in product(options["seeds"], options["methods"], options["agents"]):
             self.cells.append((options["budget"], method, agent, seed))
             self.now += 60.0
@@ -52,7 +55,45 @@ class Played:
             training_wall_seconds=1.0,
             env_steps=6000,
         )
-        return cast(Result, SimpleNamespace(id=cell, measurement=measured))
+        return cast(Result, SimpleNamespace(id=cell, measurement=measured, key=f"{method}-{seed}"))
+
+
+def gone_on(monkeypatch: pytest.MonkeyPatch, satisfied: dict[int, int], lost: int = 0) -> tuple[Played, list[int]]:
+    """Ten minutes from a policy of seed 200 on, where each seed satisfies from so many of 100 further starts."""
+    played = Played(monkeypatch, {})
+    monkeypatch.setattr(
+        "stlbench.solver.race.outlook",
+        lambda folder, result, starts: Outlook(100, satisfied.get(result.id.seed, 50), lost),
+    )
+    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    posed.begin(10.0)
+    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
+    trainer = Trainer(posed, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
+    improved = trainer.improve(first)
+    assert posed.state["chosen"] == improved[0].key
+    assert [each.id.seed for each in improved if each.key == improved[0].key] == [improved[0].id.seed]
+    return played, [each.id.seed for each in improved]
+
+
+def test_a_policy_that_satisfies_from_all_further_starts_is_not_trained_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    played, seeds = gone_on(monkeypatch, {200: 100})
+    assert (len(played.cells), seeds) == (1, [200])
+    played, seeds = gone_on(monkeypatch, {200: 75}, lost=25)  # from 25 nothing can satisfy
+    assert (len(played.cells), seeds) == (1, [200])
+
+
+def test_a_certificate_that_can_rise_is_trained_for_from_the_best_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    played, seeds = gone_on(monkeypatch, {200: 90, 202: 95, 204: 100})
+    assert seeds[0] == 204
+    assert [cell[::3] for cell in played.cells[1:]] == [("more-1", 202), ("more-2", 204)]
+    assert [Path(init).name.split("_")[3] for init in played.inits[1:]] == ["200", "202"]
+
+
+def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monkeypatch: pytest.MonkeyPatch) -> None:
+    played, seeds = gone_on(monkeypatch, {200: 90, 202: 80, 204: 85, 206: 92})
+    assert seeds[0] == 206
+    assert [init is None for init in played.inits[1:4]] == [False, True, False]
+    assert played.now <= 480  # the rest is for the delivery
 
 
 def raced(minutes: float, jobs: int = 1) -> list[Result]:
@@ -131,7 +172,7 @@ def test_trainings_that_run_side_by_side_all_end(monkeypatch: pytest.MonkeyPatch
     played = Played(monkeypatch, {})
     posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
     posed.begin(3.0)
-    (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool)
+    (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
     played.now = 120.0  # the delivery begins at 144
     Trainer(posed, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
     assert [cell[3] for cell in played.cells[1:]] == seeds
@@ -143,7 +184,7 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
         played.now = 0.0
         posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
         posed.begin(minutes)
-        (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool)
+        (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
         cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
         Trainer(posed, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
         seconds = posed.task.budget("final").seconds

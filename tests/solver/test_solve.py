@@ -21,11 +21,13 @@ import stlbench
 from stlbench.cli import app
 from stlbench.errors import UsageError
 from stlbench.rollout import referee
-from stlbench.solver.contestants import rank
+from stlbench.solver.contestants import Contestant, rank
 from stlbench.solver.deliver import sentence
+from stlbench.solver.outlook import outlook
 from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.solution import Solution
+from stlbench.solver.start import Start
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
 
@@ -138,6 +140,7 @@ def test_a_certificate_in_words() -> None:
 @pytest.mark.slow
 def test_a_whole_solution_and_the_same_call_again(monkeypatch: pytest.MonkeyPatch) -> None:
     small("CartPole-v1", HARD)
+    monkeypatch.setattr("stlbench.solver.race.Trainer._plan_more", lambda *given: False)  # it would take all minutes
     solution = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     facts = json.loads(Path("out/certificate.json").read_text())
     assert solution.certificate == facts
@@ -209,10 +212,38 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
     assert Path("out/policy.npz").stat().st_size > 100
     assert not Path("out/film.gif").exists()
     before = [result.provenance for result in Results.load("out/race")]
+    monkeypatch.setattr("stlbench.solver.race.Trainer._plan_more", lambda *given: False)
     whole = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     assert not whole.certificate["interrupted"]
     assert "Interrupted" not in whole.report()
     assert before[0] in [result.provenance for result in Results.load("out/race")]
+
+
+def test_another_solve_starts_from_the_policy_of_a_solution_or_says_why_not() -> None:
+    posed = pose(Problem("CartPole-v1", HARD), Path("out"))
+    posed.budget("probe", steps=640, seeds=1, deadline=300.0, checkpoints=1, random_starts=0)
+    study = {"tasks": [posed.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
+    (result,) = run_study(**study, results="out/race", jobs=1)
+    seen = outlook(Path("out/race"), result, 200)
+    assert 20 <= seen.lost <= 60  # theta begins between -0.05 and 0.05, and may not be beyond 0.04
+    assert seen.satisfied + seen.lost <= seen.starts == 200
+    for words, problem in (
+        (["nothing"], "--from nothing: it has no solution; `stlbench solve` writes one"),
+        (["out"], "--from out: it has no solution"),
+    ):
+        done = say("CartPole-v1", FORMULA, "--from", *words)
+        assert (done.exit_code, done.stderr.count("\n"), problem in done.stderr) == (2, 1, True), done.stderr
+    Path("out/certificate.json").write_text(json.dumps({"cell": result.id.name, "budget": "probe"}))
+    start = Start.of(Path("out"))
+    assert start.trained_by == Contestant("raw", "dqn")
+    start.check(posed.task)
+    (again,) = run_study(**study, init=start.path, results="again", jobs=1)
+    assert str(again.id.agent) == f"dqn[init={start.digest[:16]}]"
+    assert Contestant.of(again) == start.trained_by
+    words = ["Pendulum-v1", "G[0,20] x >= -2", "--from", "out", "--into", "other"]
+    done = CliRunner().invoke(app, ["solve", *words])
+    assert done.exit_code == 2
+    assert done.stderr.splitlines()[-1].startswith("error: --from: its policy was trained with raw and dqn: ")
 
 
 def test_an_interrupt_before_any_training_delivers_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

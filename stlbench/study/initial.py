@@ -1,0 +1,81 @@
+"""A stored policy from which agents start: its file, and the hash by which cells are known that start from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from stlbench.contract import Agent, Arrays, Unsuitable
+from stlbench.errors import UsageError, one_line
+from stlbench.records import npz
+from stlbench.records.saved_policies import digest
+from stlbench.registry.choices import Choice
+from stlbench.study.cell import Cell
+from stlbench.task.build import INIT
+from stlbench.task.task import Task
+
+_DIGITS = 16  # of the hash that a cell's name has
+_SELECTED = "selected/"
+
+
+class Initial(NamedTuple):
+    """A policy to start from."""
+
+    path: Path
+    digest: str  # of its arrays, as results record it
+
+    @classmethod
+    def of(cls, path: Path) -> Initial:
+        """The policy in a file. Raises `UsageError` as `read`."""
+        return cls(path.absolute(), digest(read(path)))
+
+    def given_to(self, agent: Choice) -> Choice:
+        """The agent as one that starts from it, `dqn[init=...]`: another agent for keys, tables and comparisons."""
+        return Choice(agent.name, (*agent.without(INIT).parameters, (INIT, self.digest[:_DIGITS])))
+
+
+def read(path: Path) -> Arrays:
+    """The arrays of a policy as `run` and `solve` store it; of a cell's two policies the selected one.
+
+    Raises `UsageError`: no such file, a link, or no policy.
+    """
+    if not path.is_file():
+        raise UsageError(f"there is no policy at {path}")
+    try:
+        arrays = npz.read(path, folder=path.parent)
+    except ValueError as error:
+        raise UsageError(f"cannot read {path} as a policy: {error}") from error
+    selected = {name.removeprefix(_SELECTED): each for name, each in arrays.items() if name.startswith(_SELECTED)}
+    return selected or arrays
+
+
+def arrays_of(cell: Cell) -> Arrays | None:
+    """Those from which a cell's agent starts, None for fresh networks.
+
+    Raises `UsageError` where the file is not given, or has another policy than when the cell was planned.
+    """
+    wanted = dict(cell.id.agent.parameters).get(INIT)
+    if wanted is None:
+        return None
+    if cell.init is None:
+        raise UsageError(f"agent {cell.id.agent} starts from a policy; name its file with --init")
+    arrays = read(cell.init)
+    if not digest(arrays).startswith(wanted):
+        raise UsageError(f"{cell.init} is no longer the policy that agent {cell.id.agent} starts from")
+    return arrays
+
+
+def check(cell: Cell, task: Task, agent: Agent) -> None:
+    """Raises `UsageError` where a cell's agent cannot start from its policy, by what is known before a training."""
+    arrays = arrays_of(cell)
+    if arrays is None:
+        return
+    if not agent.resumes:
+        raise UsageError(f"agent {cell.id.agent.name} cannot start from a policy: leave --init out")
+    try:
+        agent.restore(arrays, task.actions)
+    except Unsuitable as error:
+        raise UsageError(f"{cell.init} on task {task.name}: {one_line(error)}") from error
+    except Exception as error:
+        rule = f"is no policy of agent {cell.id.agent.name}"
+        raise UsageError(f"{cell.init} {rule}") from error

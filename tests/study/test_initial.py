@@ -1,0 +1,95 @@
+"""Agents that start from a stored policy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stlbench.errors import UsageError
+from stlbench.records import npz
+from stlbench.registry.choices import parse_choice, parse_choices
+from stlbench.study.cell import Cell
+from stlbench.study.initial import Initial, arrays_of, read
+from stlbench.study.plan import check_cells, plan_cells
+from stlbench.study.study import Study
+from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+
+GRID = (21, 13)  # of hold-disc
+
+
+def policy(path: Path, seed: int = 0, grid: tuple[int, ...] = GRID) -> Path:
+    """A policy as `solve` stores it."""
+    network = QNetwork(5, (8,), grid, "joint")
+    npz.write(path, GreedyPolicy(network, [network.initial(np.random.default_rng(seed))]).arrays())
+    return path
+
+
+def planned(init: Path | None = None, agent: str = "dqn") -> Cell:
+    start = None if init is None else Initial.of(init)
+    agents = parse_choices(agent)
+    (cell,) = plan_cells(parse_choices("hold-disc"), parse_choices("raw"), agents, [0], "smoke", init=start)
+    return cell
+
+
+def test_the_hash_of_the_policy_is_in_the_name_and_so_in_the_key(tmp_path: Path) -> None:
+    one, other = policy(tmp_path / "one.npz"), policy(tmp_path / "other.npz", seed=1)
+    start = Initial.of(one)
+    cells = [planned(), planned(one), planned(other)]
+    assert str(cells[1].id.agent) == f"dqn[init={start.digest[:16]}]"
+    assert len({cell.key for cell in cells}) == 3
+    assert planned(policy(tmp_path / "copy.npz")).key == cells[1].key
+    assert str(start.given_to(parse_choice("dqn[init=0,gamma=0.9]"))) == f"dqn[gamma=0.9,init={start.digest[:16]}]"
+
+
+def test_an_option_of_a_study(tmp_path: Path) -> None:
+    one = policy(tmp_path / "one.npz")
+    options = {"tasks": "hold-disc", "methods": "raw", "seeds": "1", "budget": "smoke"}
+    (cell,) = Study.of(options | {"init": str(one)}).cells()
+    assert cell.key == planned(one).key
+    (plain,) = Study.of(options).cells()
+    assert plain.key == planned().key
+
+
+def test_of_a_cells_two_policies_it_is_the_selected_one(tmp_path: Path) -> None:
+    arrays = read(policy(tmp_path / "one.npz"))
+    both = {f"selected/{name}": each for name, each in arrays.items()} | {"final/weights": np.zeros(3)}
+    npz.write(tmp_path / "cell.npz", both)
+    assert Initial.of(tmp_path / "cell.npz").digest == Initial.of(tmp_path / "one.npz").digest
+
+
+def test_what_is_no_policy_is_refused_in_a_line(tmp_path: Path) -> None:
+    one = policy(tmp_path / "one.npz")
+    (tmp_path / "link.npz").symlink_to(one)
+    (tmp_path / "text.npz").write_text("no arrays")
+    np.savez(tmp_path / "objects.npz", weights=np.array([{}], dtype=object))
+    for name, problem in (
+        ("none.npz", "there is no policy at"),
+        ("link.npz", "link.npz is a link"),
+        ("text.npz", "it is no file of arrays"),
+        ("objects.npz", "it is no file of arrays"),
+    ):
+        with pytest.raises(UsageError, match=problem):
+            read(tmp_path / name)
+    npz.write(tmp_path / "other.npz", {"numbers": np.zeros(3)})
+    with pytest.raises(UsageError, match=r"other\.npz is no policy of agent dqn$"):
+        check_cells([planned(tmp_path / "other.npz")])
+
+
+def test_what_cannot_start_from_it_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="on task hold-disc: the policy chooses among 2 actions, the task has 21 x 13"):
+        check_cells([planned(policy(tmp_path / "two.npz", grid=(2,)))])
+    one = policy(tmp_path / "one.npz")
+    with pytest.raises(UsageError, match=r"^agent sb3-dqn cannot start from a policy: leave --init out$"):
+        check_cells([planned(one, "sb3-dqn")])
+    with pytest.raises(UsageError, match=r"^agent dqn\[init=12\] starts from a policy; name its file with --init$"):
+        check_cells([planned(agent="dqn[init=12]")])
+
+
+def test_a_file_that_changed_since_the_plan_is_refused(tmp_path: Path) -> None:
+    cell = planned(policy(tmp_path / "one.npz"))
+    assert arrays_of(cell) is not None
+    policy(tmp_path / "one.npz", seed=1)
+    with pytest.raises(UsageError, match="is no longer the policy"):
+        arrays_of(cell)
