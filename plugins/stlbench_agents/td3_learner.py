@@ -95,9 +95,9 @@ class TD3Learner:
         parts = [part for layer in hidden for part in layer] + [last.T, bias]
         self.actor = Weights.of(np.concatenate([part.ravel() for part in parts]))
         delay = self.schedule.delay
-        first, last = resumed_rate(self.recipe), self.recipe.learning_rate_final
+        rate, least = resumed_rate(self.recipe), self.recipe.learning_rate_final
         self.schedule = self.schedule._replace(
-            rate=first, decay=decay(first, last, self._updates), still=int(_STILL * self._updates) // delay * delay
+            rate=rate, decay=decay(rate, least, self._updates), still=int(_STILL * self._updates) // delay * delay
         )
         self._noise[:] = self._noise[-1]
         self._random_steps = 0
