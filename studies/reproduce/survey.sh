@@ -25,5 +25,5 @@ stlbench report build/survey
 stlbench export build/survey --format jsonl
 stlbench report results/auto-survey
 stlbench export results/auto-survey --format jsonl
-cp build/survey/*.csv build/survey/report.md build/survey/cells.jsonl.gz results/survey
+cp build/survey/*.csv build/survey/cells.jsonl.gz results/survey
 python studies/survey.py
