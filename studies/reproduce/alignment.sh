@@ -21,7 +21,6 @@ plan --tasks annulus,reach-stay --methods flag,verdict --agents planner
 plan --tasks robot-nav,pendulum,overlap --methods flag,verdict --agents "planner[resolution=0.7]"
 rm -rf build/aligned
 stlbench results merge build/aligned results/reference results/alignment
-cp -r results/reference/figures build/aligned/
 stlbench report build/aligned
 stlbench plot build/aligned --methods raw,funnel --tasks robot-nav,pendulum,overlap --only planned
 PYTHONPATH=build/example python studies/returns.py build/aligned build/aligned/returns.csv
