@@ -31,14 +31,13 @@ from stlbench.contract import (
     Training,
 )
 from stlbench.rollout import baselines
-from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.early_ends import judge, without_end
-from stlbench.rollout.environment import Simulator
-from stlbench.rollout.model import model_of
+from stlbench.rollout.baselines import Unpaid
+from stlbench.rollout.environment import Simulator, model_of
+from stlbench.rollout.verdicts import judge, without_end
 from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
 from stlbench.task import Task, build_agent, load_task
-from stlbench_tasks.steering import Steering
+from stlbench_tasks.differential_drive import Steering
 
 FOLDER = Path(__file__).resolve().parent.parent / "results" / "best-known"
 _WAYS = {"overlap": ((1.1, 1.25), (2.75, 1.25), (3.0, 1.0), (2.75, 1.25), (0.8, 1.25), (0.8, 2.75), (1.0, 3.0))}

@@ -18,13 +18,12 @@ from PIL import Image
 
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, RewardMethod
 from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.records.array_files import Film
 from stlbench.records.result import reported
-from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
-from stlbench.rollout.controller import Unpaid, nearest
+from stlbench.rollout.baselines import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
-from stlbench.rollout.referee import score, simulate
-from stlbench.rollout.traces import Recording
+from stlbench.rollout.referee import Recording, score, simulate
 from stlbench.study import film
 from stlbench.study.film import FRAMES_A_SECOND
 from stlbench.study.policies import load_policy

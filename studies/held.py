@@ -9,10 +9,10 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod
 from stlbench.records.result import Score
-from stlbench.rollout import controller, referee
-from stlbench.rollout.controller import Unpaid, nearest
-from stlbench.rollout.early_ends import judge
+from stlbench.rollout import baselines, referee
+from stlbench.rollout.baselines import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
+from stlbench.rollout.verdicts import judge
 from stlbench.task import Task
 
 _TRIES = 16
@@ -32,7 +32,7 @@ def replay(task: Task, sequences: Array) -> Score:
 
 def _traces(task: Task, begun: Array, sequences: Array) -> Array:
     """Those (N, T + 1, k) that the sequences (N, decisions, axes) lead to."""
-    return controller.replay(task, taken(task, sequences), begun).traces
+    return baselines.replay(task, taken(task, sequences), begun).traces
 
 
 def taken(task: Task, vectors: Array) -> Integers | Array:

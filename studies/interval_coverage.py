@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from stlbench.statistics import across, sampled
+from stlbench.statistics import across
 from stlbench.statistics.across import Estimate
 from stlbench.statistics.intervals import mean_interval, median_interval
 
@@ -103,7 +103,7 @@ class Drawn(NamedTuple):
 
 
 def _score(true: float, sample: Sample) -> Drawn:
-    return Drawn(lambda runs: sampled.mean(list(runs)), true, sample)
+    return Drawn(lambda runs: across.sample_mean(list(runs)), true, sample)
 
 
 def _jumps(height: float) -> Drawn:
@@ -121,7 +121,7 @@ def _share(true: float, alike: bool = False) -> Drawn:
     def sample(make: np.random.Generator, tasks: int, seeds: int) -> Array:
         return make.random((tasks, seeds)) < (true if alike else make.beta(true, 1 - true, (tasks, 1)))
 
-    return Drawn(lambda runs: sampled.share(runs.tolist()), true, sample)
+    return Drawn(lambda runs: across.sample_share(runs.tolist()), true, sample)
 
 
 def _difference(one: float, other: float) -> Drawn:
@@ -132,7 +132,7 @@ def _difference(one: float, other: float) -> Drawn:
         both, own, seed = (make.normal(size=size) for size in ((tasks, 1), (2, tasks, 1), (2, tasks, seeds)))
         return np.greater(0.8 * both + 0.45 * own + (1 - 0.8**2 - 0.45**2) ** 0.5 * seed, hard)
 
-    return Drawn(lambda runs: sampled.share_difference(*runs.tolist()), one - other, sample)
+    return Drawn(lambda runs: across.sample_share_difference(*runs.tolist()), one - other, sample)
 
 
 DRAWN: dict[str, Drawn] = {
@@ -165,7 +165,7 @@ def drawn_coverage(family: str, tasks: int, seeds: int, repetitions: int) -> flo
 def over_drawn_tasks(repetitions: int) -> Iterator[str]:
     """One line per family and number of tasks: with one and with two seeds."""
     for family in DRAWN:
-        for tasks in (sampled.FEWEST, 12, 24, 100):
+        for tasks in (across.FEWEST, 12, 24, 100):
             shares = (drawn_coverage(family, tasks, seeds, repetitions // 4) for seeds in (1, 2))
             yield f"{tasks} drawn tasks, {family}: {', '.join(f'{100 * each:.1f}' for each in shares)} %"
 

@@ -31,7 +31,7 @@ from stlbench.rollout.referee import Referee
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.task import agent_for
 from stlbench_tasks.suite.formulas import Candidate
-from stlbench_tasks.suite.scene import Cramped
+from stlbench_tasks.suite.templates import Cramped
 
 SCORES = Path(__file__).parents[1] / "results" / "many-formulas" / "scores.csv"
 COLUMNS = ("pair", "formulas", "seed", "test", "satisfied", "robustness", "steps", "cpu_seconds")

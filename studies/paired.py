@@ -15,7 +15,7 @@ import recorded
 from recorded import markdown
 
 from stlbench.records.result import LEARNED
-from stlbench.statistics import sampled
+from stlbench.statistics import across
 from stlbench.statistics.across import Estimate
 from stlbench.statistics.differences import ALPHA, holm
 
@@ -33,12 +33,12 @@ class Paired(NamedTuple):
     @property
     def told(self) -> str:
         """ "0.11 [0.04, 0.19]": the mean over tasks, with its interval where tasks are many."""
-        return _told(sampled.difference(*(list(map(np.array, each)) for each in zip(*self.pairs, strict=True))))
+        return _told(across.sample_difference(*(list(map(np.array, each)) for each in zip(*self.pairs, strict=True))))
 
     @property
     def shares_told(self) -> str:
         """The same of runs that learned."""
-        return _told(sampled.share_difference(*zip(*self.pairs, strict=True)))
+        return _told(across.sample_share_difference(*zip(*self.pairs, strict=True)))
 
     @property
     def chance(self) -> float:
@@ -94,7 +94,7 @@ def corrected(folder: str = "suite-core", other: str = "raw") -> str:
         own = runs(folder, template=template)
         for method in (method for method in own if {method, other} <= {*own} and method != other):
             named[f"`{method}`, {f'`{template}`' if template else 'all'}"] = compared(own, method, other)
-    many = {name: each for name, each in named.items() if len(each.pairs) >= sampled.FEWEST}
+    many = {name: each for name, each in named.items() if len(each.pairs) >= across.FEWEST}
     chances = zip(many, holm([each.chance for each in many.values()]), strict=True)
     body = [[name, _p(chance)] for name, chance in chances if chance < ALPHA]
     return markdown([f"{len(body)} of {len(many)}, less `{other}`", "p, Holm"], body, right=1)

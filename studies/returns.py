@@ -18,10 +18,10 @@ import numpy as np
 from stlbench.contract import Array, RewardMethod
 from stlbench.errors import UsageError
 from stlbench.records import stored
+from stlbench.records.array_files import read_cell
 from stlbench.records.result import Result
-from stlbench.records.saved_traces import read_cell
 from stlbench.registry.choices import Choice
-from stlbench.rollout.model import ends_of, first_end
+from stlbench.rollout.environment import ends_of, first_end
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 from stlbench_agents.planning.sums import forever

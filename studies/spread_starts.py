@@ -24,8 +24,8 @@ from stlbench.stl.language.structure import walk
 from stlbench.study.policies import load_policy
 from stlbench.task import load_task
 from stlbench_tasks.suite.formulas import FormulaSuite
-from stlbench_tasks.suite.scene import DT, Disc, Scene
 from stlbench_tasks.suite.systems import SYSTEMS
+from stlbench_tasks.suite.templates import DT, Disc, Scene
 
 MOVING = ("integrator", "double-integrator", "unicycle")
 VARIANTS = {

@@ -48,9 +48,8 @@ from stlbench.rollout import baselines
 from stlbench.task import Task
 from stlbench.task.reading import read_task_file
 from stlbench_tasks.suite.formulas import Candidate, fits, level
-from stlbench_tasks.suite.scene import Cramped, Scene
 from stlbench_tasks.suite.systems import SYSTEMS
-from stlbench_tasks.suite.templates import TEMPLATES
+from stlbench_tasks.suite.templates import TEMPLATES, Cramped, Scene
 
 FOLDER = Path(stlbench_tasks.suite.__file__).parent
 TABLE, WITNESSES = FOLDER / "accepted.json", FOLDER / "witnesses.npz"

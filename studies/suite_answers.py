@@ -19,9 +19,9 @@ from recorded import markdown
 
 from stlbench import stl
 from stlbench.report import evidence
-from stlbench.statistics import sampled
+from stlbench.statistics import across
 from stlbench.statistics.intervals import LEVEL
-from stlbench.task.traits import traits
+from stlbench.task.forms import traits
 from stlbench_tasks import suite
 from stlbench_tasks.suite.formulas import FormulaSuite
 
@@ -182,7 +182,7 @@ def _chosen(seen: int, judged: int) -> dict[str, list[float]]:
 
 def _less(more: Sequence[float], own: Sequence[float]) -> str:
     """The mean difference, with its interval over the tasks."""
-    value, ends = sampled.mean([np.array([most - each]) for most, each in zip(more, own, strict=True)])
+    value, ends = across.sample_mean([np.array([most - each]) for most, each in zip(more, own, strict=True)])
     assert ends is not None
     shown, low, high = (recorded.number(str(each)) for each in (value, *ends))
     return f"{shown} [{low}, {high}]"

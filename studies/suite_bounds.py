@@ -10,9 +10,8 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
 from stlbench.task import Task
-from stlbench.task.windows import Window, with_parts
-from stlbench_tasks.suite.about import SuiteSystem
-from stlbench_tasks.suite.systems import Integrator, Pair
+from stlbench.task.forms import Window, with_parts
+from stlbench_tasks.suite.systems import Integrator, Pair, SuiteSystem
 
 _LATTICE = (Integrator, Pair)
 """Systems whose points move by whole multiples of an axis' least velocity, one decision after another."""

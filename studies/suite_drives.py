@@ -12,10 +12,9 @@ from scipy import linalg
 from stlbench.contract import ActionGrid, Array
 from stlbench.rollout.environment import Simulator
 from stlbench.task import Task
-from stlbench_tasks.steering import Steering
-from stlbench_tasks.suite.about import SuiteSystem
-from stlbench_tasks.suite.scene import DT, Disc, Scene
-from stlbench_tasks.suite.systems import Arm, CartPendulum, DoubleIntegrator, Quadrotor, Unicycle
+from stlbench_tasks.differential_drive import Steering
+from stlbench_tasks.suite.systems import Arm, CartPendulum, DoubleIntegrator, Quadrotor, SuiteSystem, Unicycle
+from stlbench_tasks.suite.templates import DT, Disc, Scene
 
 _DRIVES, _ELITE, _ROUNDS = 48, 6, 8
 """Drives from each start that are tried at once, those of them that are kept, and how often."""

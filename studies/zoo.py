@@ -12,10 +12,10 @@ import shutil
 import sys
 from pathlib import Path
 
-from stlbench.records import npz
+from stlbench.records import array_files
+from stlbench.records.array_files import read_policy
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES, cell_files
-from stlbench.records.saved_policies import read
+from stlbench.records.result_files import LINES, cell_files
 from stlbench.share.zoo import ZOO, with_policies
 
 
@@ -24,9 +24,9 @@ def main(folder: Path) -> None:
     shutil.rmtree(ZOO, ignore_errors=True)
     write_lines(found, ZOO / LINES)
     for result in found:
-        arrays = read(found.folder, result, "selected")
+        arrays = read_policy(found.folder, result, "selected")
         named = {f"selected/{name}": array for name, array in arrays.items()}
-        npz.write(cell_files(ZOO, result.id, result.key).policies, named)
+        array_files.write_arrays(cell_files(ZOO, result.id, result.key).policies, named)
     size = sum(path.stat().st_size for path in ZOO.rglob("*") if path.is_file())
     print(f"{ZOO}: policies of {len(found)} cells, {size / 1e6:.2f} MB")
 

@@ -88,7 +88,7 @@ def test_the_event_of_a_transition_says_all() -> None:
 def test_a_range_is_proven_once(monkeypatch: pytest.MonkeyPatch) -> None:
     proven, bounds = list[str](), stl.bounds
     monkeypatch.setattr(stl, "bounds", lambda psi, box: proven.append(str(psi)) or bounds(psi, box))
-    stlbench.contract.specification._proven.cache_clear()  # of what other tests asked for
+    stlbench.contract.method._proven.cache_clear()  # of what other tests asked for
     for specification in (SPECIFICATION, replace(SPECIFICATION)):  # what one has proven, the other knows
         assert specification.range(parse("x >= 1")) == pytest.approx((-10, 8))
         assert specification.range(parse("x >= 2")) == pytest.approx((-11, 7))

@@ -23,7 +23,7 @@ from stlbench.cli import app
 from stlbench.contract import Outcome
 from stlbench.registry import choices, plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.folders import task_of
+from stlbench.registry.named_tasks import task_of
 from stlbench.study.plan import plan_cells
 from stlbench.study.trial import run_cell
 from stlbench.task import load_task

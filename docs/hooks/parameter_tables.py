@@ -9,9 +9,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from stlbench.registry import docstrings, plugins
-from stlbench.registry.choices import Parameter, declared
-from stlbench.registry.docstrings import field_docs
+from stlbench.registry import choices, plugins
+from stlbench.registry.choices import Parameter, declared, field_docs
 
 _PLACE = re.compile(r"^<!-- parameters: (\w+) (\S+) -->$", re.MULTILINE)
 
@@ -24,7 +23,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def table(kind: str, name: str) -> str:
     """The parameters of a plugin as a table in Markdown. Raises `UsageError` where there is no such plugin."""
     plugin = plugins.find(kind, name).load()
-    docs = {**docstrings.read(plugin).parameters, **field_docs(plugin)}
+    docs = {**choices.read(plugin).parameters, **field_docs(plugin)}
     lines = ["| parameter | type | default | meaning |", "|---|---|---|---|"]
     for key, parameter in declared(plugin).items():
         lines.append(f"| `{key}` | {_type(parameter)} | `{_default(parameter)}` | {docs.get(key, '')} |")

@@ -16,8 +16,8 @@ import numba
 import numpy as np
 
 from stlbench_agents import plain_kernels
-from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.plain_kernels import Decorator, Floats, Matrix
+from stlbench_agents.training import is_ready, note_ready
 
 START: Any = np.int64(0)
 """Where a vector begins. A plain 0 is a type of its own to Numba, for which it would compile `inner_product` again."""

@@ -21,11 +21,9 @@ from numpy.typing import NDArray
 from stlbench.contract import ActionGrid, Array, Arrays, Integers, Policy, Transition, Unsuitable
 from stlbench_agents.engine import Network, QBuffers, actions, additive_gradient, greedy_actions, joint_gradient
 from stlbench_agents.kernels import compiled, fixed_types, inlined
-from stlbench_agents.layers import OutputBuffers, layout, size_of, views
-from stlbench_agents.optimizer import Weights, decay, step
-from stlbench_agents.recipes import Head
+from stlbench_agents.layers import OutputBuffers, Weights, decay, layout, size_of, step, views
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-from stlbench_agents.training import refuse_other, resumed_rate
+from stlbench_agents.training import Head, refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.dqn import DQN

@@ -12,10 +12,18 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from stlbench.contract import ActionBox, Actions, Arrays, Cost, Environment, Policy
-from stlbench_agents.lock_step import LockStepAgent, LockStepLearner
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.recipes import Count, NotNegative, Positive, ShareBelow1, Whole
-from stlbench_agents.training import box_of, cost_of
+from stlbench_agents.training import (
+    Count,
+    LockStepAgent,
+    LockStepLearner,
+    NotNegative,
+    Positive,
+    ShareBelow1,
+    Whole,
+    box_of,
+    cost_of,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

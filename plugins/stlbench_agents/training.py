@@ -1,20 +1,41 @@
-"""Shared by agents: reports, costs, kinds of actions, libraries."""
+"""The training that agents share: its parameters and their types, the loop in lock-step, compiled parts, reports,
+costs. Imports no Numba, which takes a while.
+
+Names are those of Stable-Baselines3 where it has the option.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
+from pydantic import Field
 
-from stlbench.contract import ActionBox, ActionGrid, Actions, Cost, Unsuitable
-
-if TYPE_CHECKING:
-    from stlbench_agents.recipes import Learner
+from stlbench.contract import (
+    ActionBox,
+    ActionGrid,
+    Actions,
+    Agent,
+    Array,
+    Arrays,
+    Cost,
+    CounterfactualEnvironment,
+    Environment,
+    Integers,
+    Policy,
+    Training,
+    Transition,
+    Unsuitable,
+)
+from stlbench.contract.compiled import folder
 
 
 def report_rounds(rounds: int, checkpoints: int) -> set[int]:
@@ -82,3 +103,184 @@ def need_onnx() -> Any:
 def _need(module: str, title: str, extra: str = "sb3") -> None:
     if find_spec(module) is None:
         raise Unsuitable(f'it needs {title}: pip install "stlbench-rl[{extra}]"')
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
+Count = Annotated[int, Field(ge=1)]
+Whole = Annotated[int, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
+"""Widths of the hidden layers of a network."""
+Head = Literal["joint", "additive"]
+"""How the outputs of a Q-network stand for actions (see `stlbench_agents.q_learner`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learner(Agent):
+    """An agent that trains networks with Adam."""
+
+    net_arch: Widths = (64, 64)
+    """widths of the hidden layers of each network"""
+    copies: Count = 8
+    """environments in lock-step"""
+    batch_size: Count = 128
+    """transitions in an update"""
+    learning_rate: Positive = 1e-3
+    """of Adam at the first update"""
+    learning_rate_final: Positive = 1e-4
+    """at the last update; the rate falls geometrically"""
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicy(Learner):
+    """A learner with a replay. Counts of transitions are of all copies together."""
+
+    buffer_size: Count = 400_000
+    """transitions kept for replay"""
+    gradient_steps: Count = 1
+    """updates after each step of all copies"""
+    n_steps: Count = 1
+    """rewards in a return before it bootstraps"""
+    tau: Share = 0.01
+    """weight of the online networks in an update of the targets; 1 copies them"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeepQ(OffPolicy):
+    """Deep Q-learning on a grid of actions, by whatever code."""
+
+    copies: Count = 16
+    buffer_size: Count = 65536
+    learning_rate_final: Positive = 3e-5
+    n_steps: Count = 3
+    tau: Share = 0.005
+    target_update_interval: Count = 1
+    """updates from one update of the target network to the next"""
+    exploration_initial_eps: Share = 1.0
+    """probability of a random action at the start"""
+    exploration_final_eps: Share = 0.05
+    """what it falls to, linearly"""
+    exploration_fraction: Share = 0.3
+    """over this share of the budget"""
+    max_grad_norm: Positive = 10.0
+    """the gradient's norm is clipped to this"""
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
+
+        return GreedyPolicy.of(arrays, grid_of(actions).shape)
+
+
+def is_ready(part: str) -> bool:
+    """Whether this machine has compiled a part of the code of this package, in its present state."""
+    kept = folder(__package__)
+    return kept is not None and (kept / part).exists()
+
+
+def note_ready(part: str) -> None:
+    """Note that it has; if nothing can be written, each process compiles again."""
+    if kept := folder(__package__):
+        with suppress(OSError):
+            (kept / part).touch()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledAgent(Agent):
+    """An agent with code that is compiled once on each machine."""
+
+    @property
+    @abstractmethod
+    def compiled_part(self) -> str:
+        """The part of the code that it needs."""
+
+    @abstractmethod
+    def compile(self) -> None:
+        """Compile the part, or load it from the disk."""
+
+    def uncompiled(self) -> Callable[[], None] | None:
+        return None if is_ready(self.compiled_part) else self.preload
+
+    def preload(self) -> None:
+        self.compile()
+        note_ready(self.compiled_part)
+
+
+class LockStepLearner(Protocol):
+    """What is trained."""
+
+    def act(self, observation: Array) -> Any:
+        """The environment's actions at observations (N, D): exploring ones, of the next step."""
+
+    def learn(self, observation: Array, action: Any, transition: Transition) -> None:
+        """Store that step, and update."""
+
+    def policy(self) -> Policy:
+        """The policy as it is now, which later updates do not change."""
+
+    def resume(self, policy: Any) -> None:
+        """Start from the networks of an earlier policy, before the first step. Raises `Unsuitable` for other sizes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LockStepAgent(OffPolicy, CompiledAgent):
+    """An agent whose learner is updated after each step of all copies."""
+
+    averaging: ShareBelow1 = 0.0
+    """reported policies have an exponential average of the weights, with this weight on the past at each of their
+    updates; 0: the weights themselves. Actions in training are those of the current weights"""
+    reward_scale: Positive = 1.0
+    """factor on rewards, which arrive divided by the method's `scale`. They are also weighted by 1 - gamma, so that
+    values keep the scale of the reward; with gamma = 1 they are not"""
+
+    resumes = True
+
+    @abstractmethod
+    def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
+        """A fresh learner, for so many steps of all copies. Raises `Unsuitable` if the actions are of another kind."""
+
+    def train(self, training: Training) -> Policy:
+        environment = training.make(self.copies)
+        rounds = max(1, training.steps // (self.copies * environment.hold))
+        learner, reports = self.begin(environment, training.seed, rounds), report_rounds(rounds, training.checkpoints)
+        if training.initial is not None:
+            learner.resume(self.restore(training.initial, environment.actions))
+        observation = environment.reset()
+        for done in range(1, rounds + 1):
+            action = learner.act(observation)
+            transition = environment.step(action)
+            learner.learn(observation, action, transition)
+            observation = transition.observation
+            if done in reports:
+                final = learner.policy()
+                if training.report(final, done * self.copies * environment.hold):
+                    break
+        return final
+
+
+class Counterfactuals:
+    """Adds the counterfactual transitions of an environment, as many of each as its method asks for.
+
+    They stand alone, as returns of one reward, and take places in the same replay.
+    """
+
+    def __init__(self, environment: Environment, seed: int) -> None:
+        self._environment: CounterfactualEnvironment | None = None
+        if isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals > 0:
+            self._environment = environment
+        self._times = 0 if self._environment is None else self._environment.counterfactuals
+        self._generator = np.random.default_rng([seed, 1, 1])
+        self.copies = environment.count * (1 + self._times)
+
+    def added(self, observation: Array, action: Integers, transition: Transition) -> tuple[Array, Integers, Transition]:
+        """A lock-step of N copies (N, D), (N,), followed by the counterfactual ones: `copies` rows each."""
+        if self._environment is None:
+            return observation, action, transition
+        drawn = [self._environment.counterfactual(self._generator) for _ in range(self._times)]
+        columns: Iterable[Any] = zip(transition, *(after for _, after in drawn), strict=True)
+        observations = np.concatenate([observation, *(before for before, _ in drawn)])
+        return observations, np.tile(action, 1 + self._times), Transition(*map(np.concatenate, columns))

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome
 from stlbench_executors import pool as pools
-from stlbench_executors.memory import Memory, share
+from stlbench_executors.item_process import Memory, share
 from stlbench_executors.pool import UNTAKEN, Pool, Slot
 from stlbench_executors.worker import WorkItems, outcome_of
 

@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import IO, Literal, NamedTuple
 
 from stlbench_executors import item_process
-from stlbench_executors.item_process import adopt, end_below, memory_below
-from stlbench_executors.memory import text_of
+from stlbench_executors.item_process import adopt, end_below, memory_below, text_of
 
 CHECK_SECONDS = 0.1  # between two measurements of memory, at least
 CHECK_SHARE = 0.02  # the share of a core that these measurements may take

@@ -10,10 +10,8 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
-from stlbench_methods.progress import Known, certain, outer_windows
-from stlbench_methods.running_window import Outer, Window
-from stlbench_methods.values import Margins, Sharpness, Truths, Values
-from stlbench_methods.windows import scaled
+from stlbench_methods.formula_parts import Margins, Sharpness, Truths, Values, scaled
+from stlbench_methods.progress import Known, Outer, Window, certain, outer_windows
 
 Reading: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr", "filtering", "filtering-sum"]
 _SHORT = 2  # a block of so many samples, or fewer, is paid nothing

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
-from stlbench_methods.windows import bounded_range, scaled
+from stlbench_methods.formula_parts import bounded_range, scaled
 
 
 class Causation(RewardMethod):

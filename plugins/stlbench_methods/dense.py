@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 
 from stlbench.contract import Array, Integers, Specification
+from stlbench_methods.formula_parts import SemanticsName, Sharpness
 from stlbench_methods.progress import Followed
-from stlbench_methods.values import SemanticsName, Sharpness
 
 
 class Dense(Followed):

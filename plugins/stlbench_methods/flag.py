@@ -15,7 +15,7 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
-from stlbench_methods.windows import EXTENSION, KINDS, Terms, Window, from_first_read, leaves, truths
+from stlbench_methods.formula_parts import EXTENSION, KINDS, Terms, Window, from_first_read, leaves, truths
 
 
 class Flag(RewardMethod):

@@ -13,8 +13,15 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.contract.presentation import Band
 from stlbench.stl import Term
-from stlbench_methods.activity import Activity, Value, active_from, active_table, least_active, least_paid
-from stlbench_methods.windows import bounded_range
+from stlbench_methods.formula_parts import (
+    Activity,
+    Value,
+    active_from,
+    active_table,
+    bounded_range,
+    least_active,
+    least_paid,
+)
 
 Variant = Literal["paper", "code"]
 Shape = Literal["linear", "clipped", "normalised"]
@@ -54,7 +61,7 @@ class Funnel(RewardMethod):
     Args:
         variant: the funnel of G[0,b], for which Table I gives t* = 0 and so l = 1/0. `paper`: the limit, gamma =
             gamma_inf throughout. `code`: t* in the middle of the interval, as in the authors' program.
-        activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.activity`.
+        activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.formula_parts`.
         shape: `linear`, eq. 12. `clipped`: min(0, r'), what Algorithm 1 says literally. `normalised`:
             -log(1 + (rho_max - rho) / gamma(t)), the distance from rho_max in units of the funnel's width.
         t_star: where in its window, 0 = first step, 1 = last, the lower bound of an F or F G term reaches 0.

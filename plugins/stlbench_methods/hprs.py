@@ -10,7 +10,7 @@ from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
 from stlbench.stl import Term
-from stlbench_methods.windows import bounded_range, truths
+from stlbench_methods.formula_parts import bounded_range, truths
 
 
 class Hprs(RewardMethod):

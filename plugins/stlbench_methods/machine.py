@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
-from stlbench_methods.windows import truths
+from stlbench_methods.formula_parts import truths
 
 
 class Machine(RewardMethod):

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.activity import Activity, active_table, least_active, least_paid, timeless
-from stlbench_methods.windows import bounded_range
+from stlbench_methods.formula_parts import Activity, active_table, bounded_range, least_active, least_paid, timeless
 
 
 class Raw(RewardMethod):
     """Robustness of the active terms, without funnel: r'(s, t) = rho_psi(s), the paper's ablation (eq. 18).
 
     Args:
-        activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.activity`.
+        activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.formula_parts`.
 
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2, or a term cannot fail.

@@ -9,8 +9,8 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
 from stlbench_methods.flag import AbsoluteFlags
+from stlbench_methods.formula_parts import Truths
 from stlbench_methods.progress import Progress, at_the_end
-from stlbench_methods.values import Truths
 
 
 class Sparse(RewardMethod):

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
-from stlbench_methods.windows import EXTENSION, bounded_range, from_first_read, refuse_past
+from stlbench_methods.formula_parts import EXTENSION, bounded_range, from_first_read, refuse_past
 
 
 class TauMdp(RewardMethod):

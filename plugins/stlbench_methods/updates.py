@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from stlbench.contract import Array, Integers, Truth, cached
-from stlbench_methods.windows import FG, F, G, Terms
+from stlbench_methods.formula_parts import FG, F, G, Terms
 
 
 @cached

@@ -20,7 +20,7 @@ class _App(Commands):
             "solve": ("solve.solve", "Train and certify a policy for an environment and a formula."),
             "run": ("run.run", "Train and score methods on tasks, and compare them."),
             "plan": ("run.plan", "Plan, without training, what each reward of a task asks for."),
-            "tune": ("tune.tune", "Find a recipe for each method, with equal trials."),
+            "tune": ("run.tune", "Find a recipe for each method, with equal trials."),
         },
         "Look": {
             "list": ("show.list_plugins", "List methods, tasks, agents, executors or logs."),
@@ -28,11 +28,11 @@ class _App(Commands):
             "suite": ("suite.app", "List, show and draw generated tasks."),
             "advise": ("advise.advise", "Say which reward methods fit a task."),
             "report": ("report.report", "Write tables, figures or a page of results."),
-            "plot": ("draw.plot", "Draw learning curves, robustness and trajectories."),
-            "render": ("draw.render", "Film the best and the worst start of a cell."),
+            "plot": ("report.plot", "Draw learning curves, robustness and trajectories."),
+            "render": ("report.render", "Film the best and the worst start of a cell."),
         },
         "Policies": {
-            "score": ("score.score", "Score a policy from a function, a file or a cell."),
+            "score": ("policies.score", "Score a policy from a function, a file or a cell."),
             "falsify": ("search.falsify", "Search for a start from which a policy fails."),
             "certify": ("search.certify", "Bound the probability that a policy satisfies."),
             "monitor": ("monitor.monitor", "Evaluate a formula on a recorded trace."),
@@ -41,7 +41,7 @@ class _App(Commands):
         },
         "Share": {
             "bundle": ("share.bundle", "Pack results into one file with checksums."),
-            "verify": ("verify.verify", "Check that a folder or bundle of results is whole."),
+            "verify": ("results.verify", "Check that a folder or bundle of results is whole."),
             "export": ("share.export", "Write results for other programs."),
             "results": ("results.app", "Remove cells from a folder of results, or merge folders."),
         },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
@@ -14,24 +14,71 @@ import typer
 
 from stlbench import stl
 from stlbench.cli.common import warn
-from stlbench.cli.evidence import drawn_evidence, evidence_text
 from stlbench.cli.options import completed
 from stlbench.cli.output import Json, show, table
 from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError, one_line
 from stlbench.records import stored
-from stlbench.registry import plugins
+from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import parse_choices
-from stlbench.report import Column, Table, Value, condense
+from stlbench.report import Column, Table, Value, condense, evidence
+from stlbench.rollout.auto import alternatives
 from stlbench.rollout.haste import too_fast
-from stlbench.rollout.rewrites import alternatives
-from stlbench.schedules.derive import UnscheduledError
+from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, schedules
+from stlbench.statistics import across
+from stlbench.statistics.intervals import Interval
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.study.fitting import fit
-from stlbench.task import load_task
-from stlbench.task.task import Task
+from stlbench.task.forms import traits
+from stlbench.task.task import Task, load_task
+
+
+def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, Any]:
+    """What is known of these methods on drawn formulas of the same form; they are on the track auto."""
+    trained = [
+        evidence.Trained(traits(stl.parse(each.formula)), each.scores)
+        for plugin in plugins.available("suites").values()
+        for each in named_tasks.made(plugin).scores()
+    ]
+    form = traits(formula)
+    found = evidence.alike(form, trained, methods)
+    rows = [
+        {
+            "method": rated.method,
+            "formulas": rated.tasks,
+            "score": rated.score.value,
+            "interval": rated.score.interval,
+            "told_apart": rated.is_told_apart,
+        }
+        for rated in evidence.rated(found, methods)
+    ]
+    return {"form": sorted(form), "formulas": len(found), "methods": rows}
+
+
+def evidence_text(drawn: Mapping[str, Any]) -> str | Table:
+    """What `drawn_evidence` found, with the advice that follows."""
+    form = ", ".join(drawn["form"]) or "one goal"
+    if not drawn["methods"]:
+        return (
+            f"Which of them suits this form ({form}) is not known: there are trainings on {drawn['formulas']} drawn "
+            f"formulas like it, and a method needs {across.FEWEST} that it fits.\n"
+        )
+    first, *others = drawn["methods"]
+    close = ", ".join(row["method"] for row in others if not row["told_apart"])
+    advice = f"Try {first['method']} first." + (f" Not told apart from it: {close}." if close else "")
+    return Table.of(f"On drawn formulas of this form ({form})", drawn["methods"], _COLUMNS, (advice, _SCORE))
+
+
+_SCORE = "Score: 0 at random, 1 the best known. Intervals are for all formulas that the suite could draw."
+_COLUMNS: Mapping[Column, Callable[[Mapping[str, Any]], Value]] = {
+    Column("method", right=False): lambda row: row["method"],
+    Column("formulas"): lambda row: row["formulas"],
+    Column("score", digits=2): lambda row: row["score"],
+    Column("score 95 % interval", digits=2, kind=Interval): lambda row: row["interval"],
+}
+
 
 _NOTES = (
     "Inputs: what the policy sees beside features and time. Memory: what the method carries from step to step.",

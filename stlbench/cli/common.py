@@ -150,7 +150,7 @@ def _damaged(error: Exception) -> str | None:
     names = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
     if "importlib.metadata" not in names:
         return None
-    from stlbench.registry.installed import damaged
+    from stlbench.registry.plugins import damaged
 
     return next(damaged(), None)
 

@@ -18,12 +18,12 @@ from stlbench import testing
 from stlbench.cli.common import warn
 from stlbench.contract import Intractable, Unsuitable, cause
 from stlbench.errors import UsageError
-from stlbench.registry import folders, plugins
+from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import executor_of
 from stlbench.registry.exits import interrupts_raise
 from stlbench.registry.plugins import Plugin
 from stlbench.rollout.faults import PluginFault
-from stlbench.study.schema import json_schema
+from stlbench.study.study import json_schema
 from stlbench.task.gym_sketch import sketch
 from stlbench.testing import RuleBroken, Rules
 
@@ -213,10 +213,10 @@ def check(
 
 
 def _plugin_of(name: str, kind: Kind | None) -> Plugin:
-    if folders.is_path(name.partition("[")[0]):
+    if named_tasks.is_path(name.partition("[")[0]):
         if kind not in (None, "task"):
             raise UsageError(f"{name}: only a task can be a folder")
-        return plugins.find("tasks", folders.parse_task(name).name)
+        return plugins.find("tasks", named_tasks.parse_task(name).name)
     alone = executor_of(name).name
     if kind is not None:
         return plugins.find(f"{kind}s", alone)

@@ -18,9 +18,8 @@ from stlbench.gate import summary
 from stlbench.gate.judge import EXIT, Judgement, judge
 from stlbench.gate.snapshot import Snapshot, cells_of, load, measure, save, select
 from stlbench.gate.summary import Named
-from stlbench.gate.trees import both_trees
-from stlbench.gate.turns import judge_turns, take_turns
-from stlbench.records.status import ACCIDENTS
+from stlbench.gate.turns import both_trees, judge_turns, take_turns
+from stlbench.records.result import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress
 from stlbench.study.run import build_executor

@@ -11,11 +11,10 @@ from stlbench import stl
 from stlbench.cli.common import warn
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
-from stlbench.records.saved_traces import SavedTraces, read_saved
-from stlbench.rollout.early_ends import last_steps
-from stlbench.rollout.trace_table import TraceTable, read_table
-from stlbench.rollout.trace_times import times_of
-from stlbench.stl.language.listing import listed
+from stlbench.records.array_files import SavedTraces, read_saved
+from stlbench.rollout.trace_table import TraceTable, read_table, times_of
+from stlbench.rollout.verdicts import last_steps
+from stlbench.stl.language.parser import listed
 
 ShortTraces = Literal["strict", "clip"]
 

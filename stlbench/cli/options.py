@@ -13,7 +13,7 @@ import typer
 
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.registry.folders import know, parse_tasks
+from stlbench.registry.named_tasks import know, parse_tasks
 from stlbench.study.study import Option, Study
 
 

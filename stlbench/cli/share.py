@@ -13,8 +13,8 @@ from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import PACKED, csv_value, inside, write
-from stlbench.rollout.questions import Question, plugins_of
+from stlbench.records.result_files import PACKED, csv_value, inside, write
+from stlbench.rollout.faults import Question, plugins_of
 from stlbench.share import onnx
 from stlbench.share.bundle import About, pack
 from stlbench.share.minari import export as export_episodes

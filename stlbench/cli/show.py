@@ -18,17 +18,15 @@ from stlbench.cli.output import Json, table
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.identity import OUTSIDE
-from stlbench.records.inputs import end_of_log, is_there
-from stlbench.records.outputs import cell_files
-from stlbench.records.result import Result, to_json
-from stlbench.records.status import ACCIDENTS
-from stlbench.registry import docstrings, plugins
-from stlbench.registry.docstrings import field_docs
+from stlbench.records.result import ACCIDENTS, Result, to_json
+from stlbench.records.result_files import cell_files, end_of_log, is_there
+from stlbench.registry import choices, plugins
+from stlbench.registry.choices import field_docs
 from stlbench.registry.plugins import Plugin
 from stlbench.report import Table
-from stlbench.report.tables.cells import scores_and_cost
+from stlbench.report.tables.runs import scores_and_cost
 from stlbench.study.results import Results
-from stlbench.study.schema import json_schema
+from stlbench.study.study import json_schema
 
 app = typer.Typer(rich_markup_mode=None)
 app.command("task")(task)
@@ -130,7 +128,7 @@ def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
 def _method_facts(name: str) -> dict[str, Any]:
     plugin = plugins.find("methods", name)
     kind = plugin.load()
-    docstring = docstrings.read(kind)
+    docstring = choices.read(kind)
     meanings = {**docstring.parameters, **field_docs(kind)}
     return {
         "name": name,

@@ -11,10 +11,10 @@ import typer
 from stlbench.cli.output import Json, show, table
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError
-from stlbench.registry import plugins, suites
+from stlbench.registry import named_tasks, plugins
 from stlbench.report import Column, Table, Value
-from stlbench.rollout.controller import replay
-from stlbench.rollout.traces import Recording
+from stlbench.rollout.baselines import replay
+from stlbench.rollout.referee import Recording
 from stlbench.task import load_task
 from stlbench.task.reading import read_task_file
 
@@ -65,25 +65,25 @@ def _counts() -> list[dict[str, Any]]:
     return [
         {"tasks": f"{name}:{part}", "count": len(members)}
         for name, plugin in plugins.available("suites").items()
-        for part, members in suites.parts(suites.made(plugin)).items()
+        for part, members in named_tasks.parts(named_tasks.made(plugin)).items()
     ]
 
 
 def _names(address: str) -> tuple[str, ...]:
-    if not suites.is_address(address):
+    if not named_tasks.is_address(address):
         raise UsageError(f"'{address}': tasks of a suite are named as in suite:unicycle/sequence/7")
-    return suites.named(address)
+    return named_tasks.named(address)
 
 
 def _facts(name: str) -> dict[str, Any]:
-    plugin = suites.task(name)
+    plugin = named_tasks.task(name)
     assert plugin is not None
-    file, splits = read_task_file(plugin.file, name), suites.made(plugin.suite).splits
+    file, splits = read_task_file(plugin.file, name), named_tasks.made(plugin.suite).splits
     known = file.best_known
     return {
         "task": f"{plugin.suite.name}:{plugin.member}",
         "splits": [split for split, names in splits.items() if plugin.member in names],
-        "groups": dict(suites.groups(name)),
+        "groups": dict(named_tasks.groups(name)),
         "steps": file.steps,
         "best_known": None if known is None else known.robustness,
         "upper_bound": None if known is None else known.upper_bound,
@@ -122,9 +122,9 @@ def draw(
     from stlbench.report.figures.trajectories import trajectories
 
     for name in _names(tasks):
-        plugin = suites.task(name)
+        plugin = named_tasks.task(name)
         assert plugin is not None
-        witness = suites.made(plugin.suite).witness(plugin.member)
+        witness = named_tasks.made(plugin.suite).witness(plugin.member)
         if witness is None:
             raise UsageError(f"task {name} has no witness that could be drawn")
         loaded = load_task(name)

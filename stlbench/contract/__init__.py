@@ -67,24 +67,27 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 
 from __future__ import annotations
 
-from stlbench.contract.agent import Agent, Cost, End, Model, Policy, StatePolicy, Training
-from stlbench.contract.arrays import Array, Arrays, Integers, Truth
-from stlbench.contract.compiled import cached
-from stlbench.contract.environment import (
+from stlbench.contract.agent import (
     ActionBox,
     ActionGrid,
     Actions,
+    Agent,
+    Cost,
     CounterfactualEnvironment,
+    End,
     Environment,
     Event,
+    Model,
+    Policy,
+    StatePolicy,
+    Training,
     Transition,
 )
-from stlbench.contract.executor import Executor, Outcome, Work
-from stlbench.contract.log import LoggedCell, LoggedCheckpoint, RunLog
-from stlbench.contract.method import RewardMethod
-from stlbench.contract.specification import Intractable, Specification, Unsuitable
-from stlbench.contract.suite import Suite, SuiteScores, SuiteTask
-from stlbench.contract.system import GymTask, System, World, WorldTask
+from stlbench.contract.arrays import Array, Arrays, Integers, Truth
+from stlbench.contract.compiled import cached
+from stlbench.contract.method import Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.contract.run import Executor, LoggedCell, LoggedCheckpoint, Outcome, RunLog, Work
+from stlbench.contract.task import GymTask, Suite, SuiteScores, SuiteTask, System, World, WorldTask
 from stlbench.errors import cause, foreign
 
 __all__ = [

@@ -25,7 +25,7 @@ from scipy import special
 
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
-from stlbench.records.status import ACCIDENTS
+from stlbench.records.result import ACCIDENTS
 from stlbench.statistics.differences import holm
 
 Floats = NDArray[np.float64]

@@ -20,16 +20,13 @@ from pydantic import TypeAdapter, ValidationError
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import lines, stored
-from stlbench.records.fields import Line
-from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, ReadCell
-from stlbench.records.inputs import followed, read, to_read
+from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import LINES, csv_text, write
-from stlbench.records.result import TASK_FOLDER, Result
+from stlbench.records.result import ACCIDENTS, NOT_RUN, TASK_FOLDER, Result, Status
+from stlbench.records.result_files import LINES, csv_text, followed, read, to_read, write
 from stlbench.records.rows import numbers
 from stlbench.records.schema import is_sqlite
-from stlbench.records.status import ACCIDENTS, NOT_RUN, Status
-from stlbench.share.checked import unpacked
+from stlbench.share.bundle import unpacked
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE

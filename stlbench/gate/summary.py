@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, Verdict
 from stlbench.gate.snapshot import Snapshot
-from stlbench.records import outputs
+from stlbench.records import result_files
 from stlbench.report import Column, Table, Value, to_markdown
 
 Named = tuple[str, Snapshot]  # the path of a snapshot, and the snapshot
@@ -32,7 +32,7 @@ def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Name
         "comment.md": comment(title, judgement, base, new),
     }
     for name, content in contents.items():
-        outputs.write(folder / name, content)
+        result_files.write(folder / name, content)
 
 
 def facts(judgement: Judgement, base: Named, new: Named) -> dict[str, Any]:

@@ -9,13 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.records import lines
-from stlbench.records.fields import MOST
-from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
-from stlbench.records.reader import Records
-from stlbench.records.result import Result
-from stlbench.records.rows import Row, texts, values
+from stlbench.records.identity import IDENTITY, MOST, OUTSIDE, CellId
+from stlbench.records.result import ACCIDENTS, Result, Status
+from stlbench.records.rows import Records, Row, texts, values
 from stlbench.records.schema import COLUMNS, opened, unusable
-from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"  # its name in a folder of results
 _IDENTITY = ", ".join(IDENTITY)

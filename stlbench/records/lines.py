@@ -22,14 +22,11 @@ from typing import BinaryIO, Literal, Self, TypeVar, cast
 from pydantic import TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError
-from stlbench.records.fields import first_problem
-from stlbench.records.identity import IDENTITY, CellId, ReadCell
-from stlbench.records.inputs import is_there, to_read
-from stlbench.records.outputs import LINES, PACKED, appended, write
-from stlbench.records.reader import LedgerWarning
-from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
+from stlbench.records.identity import IDENTITY, CellId, ReadCell, first_problem
+from stlbench.records.result import NOT_RUN, TASK_FOLDER, Result, from_json, plain, to_json
+from stlbench.records.result_files import LINES, PACKED, appended, is_there, to_read, write
+from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import LONGEST
-from stlbench.records.status import NOT_RUN
 
 _T = TypeVar("_T")
 _ENDS = tuple(name.removeprefix("cells") for name in (LINES, PACKED))

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
-from stlbench.records.fields import Finite, Whole, first_problem
+from stlbench.records.identity import Finite, Whole, first_problem
 
 KEY = "stlbench_observation"
 """Under which a file of a policy, or a space of Gymnasium, has the record."""

@@ -1,9 +1,9 @@
-"""The result of a cell: frozen values that go to the ledger as JSON and come back equal."""
+"""The result of a cell: how it ended, and frozen values that go to the ledger as JSON and come back equal."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any, Literal
@@ -11,14 +11,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
 
-from stlbench.errors import one_line, printable
-from stlbench.records.fields import (
+from stlbench.errors import UsageError, did_you_mean, one_line, printable
+from stlbench.records.identity import (
+    IDENTITY,
     Amount,
     Count,
     Digest,
     Finite,
     Line,
     Name,
+    ReadCell,
     Robustness,
     Share,
     Verdict,
@@ -26,9 +28,37 @@ from stlbench.records.fields import (
     first_problem,
     safe_line,
 )
-from stlbench.records.identity import IDENTITY, ReadCell
 from stlbench.records.observation import Described
-from stlbench.records.status import Status
+
+Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
+"""How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
+NOT_RUN: Literal["not run"] = "not run"
+"""In tables, in the place of a status: the cell was planned and has no result."""
+ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
+"""The statuses that a retry may run."""
+FAILED = "failed"
+"""The word for all accidents."""
+
+
+def accidents_of(value: object) -> tuple[Status, ...]:
+    """The accidents that a retry runs: a comma list or the words themselves; `failed` and True are all of them.
+
+    Raises:
+        UsageError: one of them is no accident.
+    """
+    if value is None or isinstance(value, bool):
+        return ACCIDENTS if value else ()
+    words: list[object] = [value]
+    if isinstance(value, str):
+        words = list(value.split(","))
+    elif isinstance(value, Iterable) and not isinstance(value, Mapping):
+        words = list(value)
+    given = [str(word).strip() for word in words]
+    for word in given:
+        if word not in (*ACCIDENTS, FAILED):
+            raise UsageError(f"no failure '{word}'{did_you_mean(word, (*ACCIDENTS, FAILED))}")
+    return tuple(status for status in ACCIDENTS if status in given or FAILED in given)
+
 
 TASK_FOLDER = "task_folder"
 """Among the facts of a result's provenance, where its task is a folder: where that was."""

@@ -12,8 +12,7 @@ from typing import Any
 
 from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.identity import IDENTITY
-from stlbench.records.inputs import is_there
-from stlbench.records.outputs import LINES, PACKED, inside
+from stlbench.records.result_files import LINES, PACKED, inside, is_there
 
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"  # the columns of a `Row`
 COLUMNS = f"key, {', '.join(IDENTITY)}"  # those of `planned` and `recorded`

@@ -9,10 +9,9 @@ from pathlib import Path
 from stlbench.errors import UsageError
 from stlbench.records import lines
 from stlbench.records.identity import CellId
-from stlbench.records.inputs import followed
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import LINES, PACKED
 from stlbench.records.result import Result
+from stlbench.records.result_files import LINES, PACKED, followed
 
 
 def locate(path: Path) -> Path | None:

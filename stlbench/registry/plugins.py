@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 import sys
 import traceback
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import EntryPoint
+from importlib.metadata import Distribution, EntryPoint, distributions
 from types import ModuleType
 from typing import Any, cast
 
@@ -20,7 +21,42 @@ from stlbench.registry import choices, fingerprint
 from stlbench.registry.breaches import breach, misfit
 from stlbench.registry.choices import Choice
 from stlbench.registry.exits import exits_raise, importing
-from stlbench.registry.installed import entries
+
+
+def entries(group: str, warn: Callable[[str], None]) -> Iterator[tuple[str, str, str, EntryPoint]]:
+    """Name, distribution, version and entry point of each plugin of a group; `warn` is told what cannot be read.
+
+    Like `importlib.metadata.entry_points`, which one distribution with a broken file makes fail for all.
+    """
+    seen = set[str]()
+    for distribution in distributions():
+        try:
+            if group not in (distribution.read_text("entry_points.txt") or ""):
+                continue
+            name, version = one_line(distribution.metadata["Name"] or ""), one_line(distribution.version)
+            if not name:
+                raise ValueError("it has no name")
+            found = tuple(distribution.entry_points.select(group=group))
+        except Exception as error:
+            warn(f"{_place(distribution)}: a distribution there cannot be read: {one_line(error)}")
+            continue
+        if name not in seen:  # the first on the path shadows others of its name
+            seen.add(name)
+            yield from ((entry.name, name, version, entry) for entry in found)
+
+
+def damaged() -> Iterator[str]:
+    """The place and the error of each distribution that cannot be read: then libraries that look for plugins fail."""
+    for distribution in distributions():
+        try:
+            _ = distribution.entry_points
+        except Exception as error:
+            yield f"{_place(distribution)}: {cause(error)}"
+
+
+def _place(distribution: Distribution) -> str:
+    return os.path.abspath(getattr(distribution, "_path", None) or str(distribution.locate_file("")))
+
 
 _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "methods": (contract.RewardMethod,),
@@ -165,9 +201,9 @@ def known(kind: str, name: str) -> Plugin | None:
     """The plugin of that name, or the task that a suite has; None where there is none."""
     plugin = available(kind).get(name)
     if plugin is None and kind == "tasks":
-        from stlbench.registry import suites  # which are plugins
+        from stlbench.registry import named_tasks  # which are plugins
 
-        return suites.task(name)
+        return named_tasks.task(name)
     return plugin
 
 

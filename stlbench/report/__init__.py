@@ -9,21 +9,35 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench.records import outputs
+from stlbench.records import result_files
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
-from stlbench.report.tables.alignment import Aligned, align, alignment_table
-from stlbench.report.tables.answer import answer_table, verdicts
-from stlbench.report.tables.cells import cells_table, circumstances, time_table, unfinished_table
-from stlbench.report.tables.comparisons import Comparison, advice, compare, comparisons_table
-from stlbench.report.tables.controllers import Known, best_known, controllers_table
-from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
-from stlbench.report.tables.robustness import overview, robustness_table
+from stlbench.report.tables.comparisons import Comparison, advice, answer_table, compare, comparisons_table, verdicts
 from stlbench.report.tables.rows import Group, Row, group, missing_row, row, split, trained
+from stlbench.report.tables.runs import (
+    cells_table,
+    circumstances,
+    overview,
+    robustness_table,
+    time_table,
+    unfinished_table,
+)
 from stlbench.report.tables.sampled import groups_table, pairs_table
-from stlbench.report.tables.table import Column, Table, Value, Width, show
+from stlbench.report.tables.table import (
+    Column,
+    Table,
+    Value,
+    Width,
+    show,
+    to_csv,
+    to_latex,
+    to_markdown,
+    to_records,
+    to_screen,
+)
+from stlbench.report.tables.yardsticks import Aligned, Known, align, alignment_table, best_known, controllers_table
 
 if TYPE_CHECKING:
     from stlbench.report.figures.regions import Load
@@ -181,7 +195,7 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
     """
     from stlbench.report.figures.files import write_figures
 
-    figures = outputs.inside(folder / "figures", folder)
+    figures = result_files.inside(folder / "figures", folder)
     text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))
     files = {"report.md": f"# stlbench report\n\n{text}"}
     for name, table in report.tables.items():
@@ -189,5 +203,5 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
             files[f"{name}.csv"] = to_csv(table)
             if name != "cells":
                 files[f"{name}.tex"] = to_latex(table, width)
-    texts = [outputs.write(folder / name, text) for name, text in files.items()]
+    texts = [result_files.write(folder / name, text) for name, text in files.items()]
     return [*texts, *write_figures(report, figures, load, width)]

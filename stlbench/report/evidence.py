@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.statistics import sampled
+from stlbench.statistics import across
 from stlbench.statistics.across import Estimate, Runs
 
 NEAR = 1
@@ -44,14 +44,14 @@ def alike(traits: frozenset[str], trained: Iterable[Trained], methods: Sequence[
     """
     near = [each for each in trained if len(each.traits ^ traits) <= NEAR and any(map(each.scores.get, methods))]
     same = [each for each in near if each.traits == traits]
-    return same if len(same) >= sampled.FEWEST else near
+    return same if len(same) >= across.FEWEST else near
 
 
 def rated(found: Sequence[Trained], methods: Sequence[str]) -> list[Rated]:
     """The methods with an interval there, the best first. Empty: too little is known of formulas like these."""
     runs = {method: [np.array(each.scores.get(method, ())) for each in found] for method in methods}
     fits = {method: [seeds for seeds in own if len(seeds)] for method, own in runs.items()}
-    known = {method: sampled.mean(own) for method, own in fits.items() if len(own) >= sampled.FEWEST}
+    known = {method: across.sample_mean(own) for method, own in fits.items() if len(own) >= across.FEWEST}
     order = sorted(known, key=lambda method: -known[method].value)
     return [Rated(each, len(fits[each]), known[each], _behind(runs, order[0], each)) for each in order]
 
@@ -60,4 +60,4 @@ def _behind(runs: Mapping[str, Runs], first: str, other: str) -> Estimate | None
     both = [(one, two) for one, two in zip(runs[first], runs[other], strict=True) if len(one) and len(two)]
     if first == other or not both:
         return None
-    return sampled.difference([one for one, _ in both], [two for _, two in both])
+    return across.sample_difference([one for one, _ in both], [two for _, two in both])

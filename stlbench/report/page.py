@@ -16,9 +16,9 @@ from urllib.parse import quote
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.identity import Setting
-from stlbench.records.inputs import names, read
-from stlbench.records.outputs import TRACES, write
+from stlbench.records.identity import OUTSIDE, Setting
+from stlbench.records.result import Result
+from stlbench.records.result_files import TRACES, cell_files, end_of_log, is_there, names, read, write
 from stlbench.records.stored import Find
 from stlbench.registry.choices import Choice
 from stlbench.report import Report
@@ -32,17 +32,84 @@ from stlbench.report.figures.files import (
 )
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
-from stlbench.report.page_cells import Part, cell_part, cells_shown
-from stlbench.report.tables.answer import verdicts
-from stlbench.report.tables.rows import Group
-from stlbench.report.tables.table import Table, show
-from stlbench.rollout.questions import Ask
+from stlbench.report.tables.comparisons import verdicts
+from stlbench.report.tables.rows import Group, Numbers, Row
+from stlbench.report.tables.runs import CELL, ENDED_EARLY, if_done, percent, scores_and_cost
+from stlbench.report.tables.table import Column, Table, Value, show
+from stlbench.rollout.faults import Ask
 from stlbench.task.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stlbench.report.figures.counterexample import Story
+    from stlbench.report.figures.margins import Story
+
+
+MOST = 350
+"""Cells that a page has one by one, of 4 kB each. Its tables and figures are of all cells."""
+_LOG_LINES = 60
+Part = dict[str, Any]  # what the template shows of a task or a cell
+
+
+def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
+    """The cells that a page has one by one, and their table."""
+    rows, notes = [row for group in groups for row in group.rows], list[str]()
+    if len(rows) > MOST:
+        seeds = max(1, MOST // len(groups))
+        shown = [row for group in groups for row in group.rows[:seeds]][:MOST]
+        which = f"first {seeds} seeds of each setting" if len(groups) <= MOST else f"first {len(shown)}"
+        notes.append(f"This table has the {which}, not all {len(rows)} cells; `stlbench show cell` shows any.")
+        rows = shown
+    notes.append("Numbers are of the selected policy, from the report's starts. A cell opens for scores, cost and log.")
+    numbers: dict[Column, Callable[[Numbers], Value]] = {
+        Column("mean robustness", digits=3): lambda each: each.robustness_mean,
+        Column("worst start", digits=3): lambda each: each.robustness_min,
+        Column("satisfied", unit="%", digits=1): lambda each: 100 * each.satisfaction,
+        Column("ended early", unit="%", digits=1): lambda each: percent(each.ended_early),
+        Column("cell CPU", unit="s", digits=1): lambda each: each.cpu_seconds,
+    }
+    if any(row.numbers and row.numbers.ended_early for row in rows):
+        notes.append(ENDED_EARLY)
+    else:
+        numbers = {column: value for column, value in numbers.items() if column.title != "ended early"}
+    *first, reason = CELL.items()
+    columns = {**dict(first), **if_done(numbers), **dict([reason])}
+    return rows, Table.of("Cells", rows, columns, tuple(notes)).trimmed()
+
+
+def cell_part(row: Row, result: Result | None, folder: Path) -> Part:
+    """All that is recorded of one cell: facts, tables, and texts such as a traceback."""
+    if result is None:
+        facts = {"status": row.status, "budget": row.id.budget}
+        return {"name": row.id.name, "facts": list(facts.items()), "tables": [], "texts": [], "provenance": []}
+    files, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
+    written = "\n".join(end_of_log(files.log, folder, _LOG_LINES))
+    log = str(files.log.relative_to(folder)) if written else "none here: the cell wrote nothing, or it was not kept"
+    facts = {
+        "status": result.status,
+        "reason": result.reason,
+        "budget": result.id.budget,
+        "track": result.id.track,
+        "policy": _policy(result, files.policies, folder),
+        "log": log,
+    }
+    texts = {"Traceback": result.details, "End of its log": written}
+    return {
+        "name": result.id.name,
+        "facts": [(name, text) for name, text in facts.items() if text],
+        "tables": [] if measured is None else scores_and_cost(measured, outside=outside),
+        "texts": [(title, text) for title, text in texts.items() if text],
+        "provenance": [*result.provenance.items(), ("key", result.key)],
+    }
+
+
+def _policy(result: Result, path: Path, folder: Path) -> str:
+    stored = result.measurement.policies if result.measurement else None
+    if stored is None:
+        return "none is stored" if result.measurement else ""
+    where = str(path.relative_to(folder)) if is_there(path, folder) else "its file is not in this folder"
+    return f"{where}; SHA-256 selected {stored.selected}, final {stored.final}"
+
 
 FILE = "report.html"  # name of the page in a folder of results
 Tell = Callable[[int, int], None]  # is called with the number of groups that are read, and of all
@@ -217,7 +284,7 @@ class _Page:
 
     def task_part(self, choice: Choice, groups: Sequence[Group]) -> Part:
         """The task, the results of its policies, and the gaps of the folder."""
-        from stlbench.report.figures.counterexample import Story, tell_story, worst_table
+        from stlbench.report.figures.margins import Story, tell_story, worst_table
 
         shown = [group for group in groups if group.outside or group in self.report.learned]
         task, lacks, stories = None, list[str](), dict[Setting, Story]()
@@ -249,8 +316,7 @@ class _Page:
 
     def _policies(self, task: Task, stories: Mapping[Setting, Story]) -> Iterator[tuple[str, list[Picture]]]:
         """The figures of each group: best, median and worst start; robustness in time; the reason of the worst."""
-        from stlbench.report.figures.counterexample import figures_of
-        from stlbench.report.figures.margins import bands_of
+        from stlbench.report.figures.margins import bands_of, figures_of
 
         bands = bands_of(task.choice, (setting.method for setting in stories), self.ask)
         for setting, story in stories.items():

@@ -1,4 +1,5 @@
-"""Baselines of a task: the action zero, the best constant action, random actions.
+"""What acts in a task without learning: its controller by hand, the action zero, the best constant action, random
+actions.
 
 The referee scores them as policies: from the same starts, with the same `hold`. Nothing is simulated where the
 task file states them (`TaskFile.baselines`).
@@ -13,14 +14,86 @@ from math import nan
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, System
+from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, RewardMethod, System
 from stlbench.records.result import LEARNED, Score, Summary
 from stlbench.rollout import referee
-from stlbench.rollout.controller import Unpaid, nearest
-from stlbench.rollout.referee import Referee
-from stlbench.task import Task
+from stlbench.rollout.environment import Simulator
+from stlbench.rollout.faults import PluginFault, out_of_range
+from stlbench.rollout.referee import Episodes, Referee
 from stlbench.task.file import Baseline
+from stlbench.task.task import Task
+
+
+def record_controller(task: Task, begun: Array) -> Episodes | None:
+    """The episodes when the controller acts from the starts (N, s); None where the task has none.
+
+    Actions of a system are clipped, and on a grid the nearest action is taken, as for an agent. Raises `PluginFault`
+    where actions have another shape, are no finite numbers, or are out of range and the task is no system.
+    """
+    actions, unpaid = task.actions, Unpaid(task.specification)
+    first = Simulator(task, unpaid)
+    first.reset(begun[:1])
+    if first.world.by_hand(first.t) is None:
+        return None
+
+    def act(simulator: Simulator) -> Integers | Array:
+        vectors = _checked(task, simulator.world.by_hand(simulator.t), simulator.t)
+        return nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
+
+    return referee.simulate(task, unpaid, act, begun)
+
+
+def score_controller(task: Task) -> Score | None:
+    """The controller's score by the task's formula, from the report's starts; None where the task has none."""
+    episodes = record_controller(task, task.starts.report_and_selection()[0])
+    return None if episodes is None else referee.score(task, episodes.traces, lasted=episodes.lasted)
+
+
+def replay(task: Task, actions: Integers | Array, begun: Array | None = None) -> Episodes:
+    """The episodes under these actions, one for each decision.
+
+    Args:
+        task: whose actions are held.
+        actions: indices of the grid (starts, decisions), or vectors (starts, decisions, axes).
+        begun: the starts (N, s); the report's where left out.
+    """
+    begun, hold = task.starts.report_and_selection()[0] if begun is None else begun, task.file.hold
+    return referee.simulate(task, Unpaid(task.specification), lambda at: actions[:, int(at.t[0]) // hold], begun)
+
+
+class Unpaid(RewardMethod):
+    """No reward and no memory: a controller needs neither."""
+
+    def arrival(self, signals: Array, t: Integers) -> Array:
+        return np.zeros(np.shape(t))
+
+
+def _checked(task: Task, answer: Any, t: Integers) -> Array:
+    """A controller's actions (N, axes) at steps t (N,), checked."""
+    by_hand, actions, expected = f"{task.name}, by hand", task.actions, (len(t), len(task.actions.names))
+    if answer is None:
+        raise PluginFault(f"{by_hand}: the controller has no action at step {t.max()}")
+    array: NDArray[Any] = np.asarray(answer)
+    if array.dtype.kind not in "biuf" or array.shape != expected:
+        rule = f"expected are {expected} for {', '.join(actions.names)}"
+        raise PluginFault(f"{by_hand}: its actions are {array.dtype} {array.shape}; {rule}")
+    vectors: Array = array.astype(np.float64)
+    if isinstance(task.dynamics, System):
+        vectors = np.where(np.isfinite(vectors), np.clip(vectors, actions.low, actions.high), vectors)
+    if wrong := out_of_range(actions, vectors):
+        raise PluginFault(f"{by_hand}: {wrong}")
+    return vectors
+
+
+def nearest(grid: ActionGrid, vectors: Array) -> Integers:
+    """The index (N,) of the action that is nearest to each of the vectors (N, axes), axis by axis."""
+    axes = zip(vectors.T, grid.axes, strict=True)
+    places = [np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in axes]
+    index: Integers = np.ravel_multi_index(places, grid.shape)
+    return index
+
 
 _ALL = 512  # a grid of no more actions is tried whole
 _TRIED, _TRIED_IN_WORLDS = 32, 16
@@ -64,10 +137,10 @@ def constants(task: Task, starts: int = _STARTS) -> Constants:
     if (stated := task.file.baselines) is not None:
         return Constants(_stated(task, stated.zero), _stated(task, stated.constant), stated.constant.action)
     best = _best(task, Referee(task, Unpaid(task.specification)), starts)
-    return Constants(score(task, zero(task)), score(task, best), tuple(best.tolist()))
+    return Constants(score_constant(task, zero(task)), score_constant(task, best), tuple(best.tolist()))
 
 
-def score(task: Task, action: Array) -> Score:
+def score_constant(task: Task, action: Array) -> Score:
     """The score of one action (axes,), taken all the time; on a grid of the nearest action that there is."""
     return _score(task, _Constant(task, action))
 

@@ -1,4 +1,5 @@
-"""A task with a reward method as a process in time: the one place where transitions are made.
+"""A task with a reward method as a process in time: the one place where transitions are made, where episodes begin
+and end, and the model of them that a planner is given.
 
 `Simulator` runs N copies from given states to the end. `BatchEnvironment` puts fresh initial states where an episode
 ended; agents train on it. `stlbench.gym` shows the same through Gymnasium's interface.
@@ -6,19 +7,109 @@ ended; agents train on it. `stlbench.gym` shows the same through Gymnasium's int
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Array, Event, Integers, RewardMethod, Transition, Truth, World
+from stlbench import stl
+from stlbench.contract import ActionGrid, Array, End, Event, Integers, Model, RewardMethod, Transition, Truth, World
 from stlbench.rollout import faults
-from stlbench.rollout.early_ends import EarlyEnds
-from stlbench.rollout.exploring import ExploringStates
-from stlbench.rollout.model import ends_of, first_end
-from stlbench.rollout.observing import Moment, scaled_times, time_and_inputs
-from stlbench.rollout.worlds import make_world
+from stlbench.rollout.verdicts import EarlyEnds
+from stlbench.rollout.worlds import Moment, make_world, scaled_times, time_and_inputs
+from stlbench.stl import Formula
+from stlbench.task.entry import Region
+from stlbench.task.file import Near
+from stlbench.task.starts import sampled_states
 from stlbench.task.task import Task
+
+_TRIED = 4096
+_NEAR = 0.5
+"""The share of drawn states that fulfil a condition of `near`. The others keep the whole region in view."""
+
+
+def fulfilling(task: Task, region: Region, conditions: Sequence[Formula]) -> list[Array]:
+    """For each condition on the signals the states (n, k) that fulfil it, of 4096 from a region, always the same."""
+    if not conditions:
+        return []
+    states = sampled_states(task.system, region, np.random.default_rng(0), _TRIED)
+    signals = task.system.signals(states)
+    return [states[stl.holds(condition, task.signals)(signals)] for condition in conditions]
+
+
+class ExploringStates:
+    """Draws states from the region `exploring.states`, half of them where `exploring.near` says."""
+
+    def __init__(self, task: Task, region: Region, near: Sequence[Near]) -> None:
+        """A condition that no state fulfils is left out."""
+        self._task, self._region = task, region
+        found = zip(near, fulfilling(task, region, [each.where for each in near]), strict=True)
+        self._near = sorted(((each.until, states) for each, states in found if len(states)), key=lambda pair: pair[0])
+        self._ends = np.array([until for until, _ in self._near])
+
+    def draw(self, generator: np.random.Generator, t: Integers) -> Array:
+        """States (count, k) for episodes that begin at the times (count,). All randomness is the generator's."""
+        states = sampled_states(self._task.system, self._region, generator, len(t))
+        if self._near:
+            for row in np.flatnonzero(generator.random(len(t)) < _NEAR):
+                following = self._ends[self._ends >= t[row]]
+                if following.size:  # of the conditions that stand, one of those that end first
+                    fulfil = self._near[generator.choice(np.flatnonzero(self._ends == following[0]))][1]
+                    states[row] = fulfil[generator.integers(len(fulfil))]
+        return states
+
+
+_STARTS = 256
+
+
+def model_of(task: Task, method: RewardMethod) -> Model:
+    """The dynamics and the reward as pure functions, under the rules by which training episodes go on."""
+    file, generator = task.file, np.random.default_rng(0)
+    return Model(
+        system=task.system,
+        method=method,
+        formula=task.formula,
+        actions=task.actions,
+        steps=file.steps,
+        hold=file.hold,
+        cuts=file.training.cuts,
+        ends=ends_of(task, method),
+        starts=task.starts.of_training(generator, _STARTS),
+    )
+
+
+def ends_of(task: Task, method: RewardMethod) -> tuple[End, ...]:
+    """The ends of a task in the order in which they count; one for each term where the task names violations.
+
+    All pay the method's floor. A payout in the task file would favour some of the methods, as their units differ.
+    """
+    return tuple(_ends(task, method.floor / method.scale))
+
+
+def _ends(task: Task, reward: float) -> Iterator[End]:
+    specification, t = task.specification, np.arange(task.file.steps + 1)
+    for ending in task.file.training.ends:
+        if isinstance(ending.where, stl.Formula):
+            yield End(specification.holds(ending.where), np.ones_like(t, dtype=np.bool_), reward)
+            continue
+        for term in specification.terms:
+            if term.kind == "G":
+                active = (term.start <= t) & (t <= term.end)
+                yield End(specification.holds(stl.Not(term.psi)), active, reward)
+
+
+def first_end(ends: Sequence[End], samples: Array, t: Integers) -> tuple[Truth, Array]:
+    """Samples (N, h, k) whose last are at steps t (N,) -> whether it is over (N,), and what is paid then (N,)."""
+    at = t[:, None] + np.arange(1 - samples.shape[1], 1)
+    over, paid = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples))
+    for end in ends:
+        now = end.active[at]
+        if now.any():
+            here = (now & end.over(samples)).any(axis=1) & ~over
+            over |= here
+            paid[here] = end.reward
+    return over, paid
 
 
 class Steps(NamedTuple):

@@ -1,4 +1,4 @@
-"""Checks of what plugins return at run time: its shape, and that it is finite. A check takes about a microsecond.
+"""Calls of plugins: what they return is checked, and one that fails outside of a cell costs its own answer alone.
 
 A message has the name of the plugin, the rule, the step, and the number of copies.
 """
@@ -6,15 +6,19 @@ A message has the name of the plugin, the rule, the step, and the number of copi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NoReturn
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, NoReturn, Protocol, TypeVar
 
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod, Truth
 from stlbench.contract.arrays import are_numbers, kind_of
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, cause
+from stlbench.records.identity import CellId
 from stlbench.registry import plugins
+from stlbench.registry.plugins import PluginWarning
 from stlbench.task.task import Task
 
 _ROUNDING = 1e-6  # share of an axis' span by which an action may be beyond its ends: that of single precision
@@ -170,3 +174,70 @@ def _fault(owner: RewardMethod | Task, what: str) -> NoReturn:
         name = plugins.name_of("methods", type(owner)) or type(owner).__name__
         raise PluginFault(f"method {name}: {what}")
     raise PluginFault(f"task {owner.name}: {what}")
+
+
+_T = TypeVar("_T")
+_Answer = TypeVar("_Answer", covariant=True)
+
+
+@dataclass(frozen=True)
+class Question(Generic[_Answer]):
+    """A call that runs code of plugins. Another process can make it, as its parts can be pickled."""
+
+    function: Callable[..., _Answer]  # importable by its name. It may raise whatever the plugins raise
+    arguments: tuple[Any, ...]
+    plugins: tuple[tuple[str, str], ...]
+    """Kind and name of each plugin whose code runs, as in ("tasks", "hold-disc"); other code is
+    ("functions", "module:function")."""
+    failed: str  # what a user reads where there is no answer, before why: "task x: its controller cannot be scored"
+
+    def answer(self) -> _Answer:
+        return self.function(*self.arguments)
+
+
+def plugins_of(cell: CellId) -> tuple[tuple[str, str], ...]:
+    """The plugins of a question about the policy of a cell, for `Question.plugins`."""
+    return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
+
+
+@dataclass(frozen=True)
+class Unanswered:
+    """In the place of an answer."""
+
+    reason: str  # in one line: "no result after 120 s", "ValueError: no such luck"
+    is_refusal: bool = False
+    """The reason is a whole message of stlbench's own (`UsageError`), as where a plugin is not installed."""
+
+
+class Ask(Protocol):
+    """Answers questions, in their order."""
+
+    def __call__(self, questions: Sequence[Question[_T]]) -> Sequence[_T | Unanswered]:
+        """The answers."""
+
+
+def ask_here(questions: Sequence[Question[_T]]) -> list[_T | Unanswered]:
+    """All answers, in this process: one that hangs is waited for, and one that ends the process ends it."""
+    return [answered_here(question) for question in questions]
+
+
+def answered_here(question: Question[_T]) -> _T | Unanswered:
+    try:
+        return question.answer()
+    except PluginFault as error:
+        return Unanswered(str(error))
+    except (UsageError, ImportError) as error:
+        return Unanswered(str(error) or cause(error), is_refusal=True)
+    except Exception as error:
+        return Unanswered(cause(error))
+
+
+def answers(questions: Sequence[Question[_T]], ask: Ask) -> dict[Question[_T], _T]:
+    """The answers that there are. Where one fails and is no refusal, a `PluginWarning` says why."""
+    answered = dict[Question[_T], _T]()
+    for question, answer in zip(questions, ask(questions), strict=True):
+        if not isinstance(answer, Unanswered):
+            answered[question] = answer
+        elif not answer.is_refusal:
+            warnings.warn(f"{question.failed}: {answer.reason}", PluginWarning, stacklevel=3)
+    return answered

@@ -12,10 +12,9 @@ from math import inf
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.baselines import held_at_random, in_pieces
-from stlbench.rollout.controller import replay
-from stlbench.rollout.rewrites import alternatives, regions
-from stlbench.schedules.derive import UnscheduledError
+from stlbench.rollout.auto import alternatives, regions
+from stlbench.rollout.baselines import held_at_random, in_pieces, replay
+from stlbench.schedules.plan import UnscheduledError
 from stlbench.stl import Formula, FragmentError, Term, fragment
 from stlbench.task import Task
 from stlbench.task.forms import regular

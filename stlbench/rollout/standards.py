@@ -10,13 +10,13 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.records.identity import Setting, Track
 from stlbench.records.result import Score
-from stlbench.registry import suites
+from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.rollout import baselines, controller
+from stlbench.rollout import baselines
 from stlbench.rollout.auto import for_every_method
-from stlbench.rollout.questions import Ask, Question, answers, ask_here
+from stlbench.rollout.faults import Ask, Question, answers, ask_here
 from stlbench.task import Task, build_method, load_task
-from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
+from stlbench.task.build import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
 
 _T = TypeVar("_T")
@@ -56,11 +56,11 @@ def about(task: Choice) -> Question[Standard]:
 def known(task: Choice) -> Standard:
     """What is known of a task without a simulation."""
     loaded = load_task(task)
-    return Standard(best_known=loaded.file.best_known, own_agent=loaded.own_agent, groups=suites.groups(task.name))
+    return Standard(best_known=loaded.file.best_known, own_agent=loaded.own_agent, groups=named_tasks.groups(task.name))
 
 
 def by_hand(task: Choice) -> Question[Score | None]:
-    return _of_task(controller.score, task, "its controller cannot be scored")
+    return _of_task(baselines.score_controller, task, "its controller cannot be scored")
 
 
 def at_random(task: Choice) -> Question[Score]:

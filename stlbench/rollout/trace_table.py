@@ -1,25 +1,102 @@
-"""A trace as a table of text (CSV)."""
+"""A trace as a table of text (CSV): its columns, that of time, and the sampling time that it shows. A stranger may
+have made the file, so its size is limited.
+"""
 
 from __future__ import annotations
 
+import codecs
 import csv
+import gzip
+import io
 import math
 import re
+import sys
 import zlib
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench.contract import Array
 from stlbench.errors import UsageError, one_line
-from stlbench.rollout.trace_text import STDIN, Lines
-from stlbench.stl.predicates.samples import EXACT, NO_FLOAT
+from stlbench.stl.predicates import EXACT, NO_FLOAT
+
+STDIN = Path("-")
+LARGEST = 2**29  # bytes of a file, and characters of its text
+ROW = 2**24  # characters of a row, which may go over several lines
+_HEAD = 2**12
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_GZIP = b"\x1f\x8b"
+_OTHERS = {
+    b"{": "JSON",
+    b"[": "JSON",
+    b"MATLAB": "a MAT-file",
+    b"\x89HDF": "HDF5, as MATLAB 7.3 writes it",
+    b"PAR1": "Parquet",
+    b"PK\x03\x04": "a zip file, such as a spreadsheet",
+    b"\x93NUMPY": "one array of NumPy",
+    b"\0": "no text: it has a byte 0",
+}
+"""How files begin that are no table of text -> what they are."""
+_REMEDY = "write a table of text (CSV), as writetable of MATLAB and to_csv of pandas do, or an .npz"
+
+
+class Lines(Iterator[str]):
+    """The lines of a table of text: UTF-8 or, with its mark, UTF-16; also compressed by gzip.
+
+    Raises, also on the way, `OSError`, `EOFError`, `zlib.error` or `UnicodeError` where it cannot be read, and
+    `UsageError` where it is too large or has another format.
+    """
+
+    def __init__(self, path: Path, source: str) -> None:
+        self._source = source
+        self._file = self._opened(path)
+        self._row = self._all = 0
+
+    def __next__(self) -> str:
+        line = self._file.readline(ROW + 1)
+        self._row += len(line)
+        self._all += len(line)
+        if self._row > ROW:
+            raise UsageError(f"{self._source}: a row has more than {ROW:,} characters; is a quotation mark missing?")
+        if self._all > LARGEST:
+            raise self._too_large()
+        if not line:
+            raise StopIteration
+        return line
+
+    def end_row(self) -> None:
+        self._row = 0
+
+    def _opened(self, path: Path) -> TextIO:
+        with nullcontext(sys.stdin.buffer) if path == STDIN else path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise self._too_large()
+        content: io.BytesIO | gzip.GzipFile = io.BytesIO(data)
+        if data.startswith(_GZIP):
+            content = gzip.GzipFile(fileobj=content)
+        head = content.read(_HEAD)
+        content.seek(0)
+        encoding = "utf-16" if head.startswith(_UTF_16) else "utf-8-sig"
+        begin = head.removeprefix(codecs.BOM_UTF8).lstrip()
+        for mark, form in _OTHERS.items():
+            if begin.startswith(mark) or (mark == b"\0" and mark in head and encoding != "utf-16"):
+                raise UsageError(f"{self._source} is {form}; {_REMEDY}")
+        return io.TextIOWrapper(content, encoding, newline="")
+
+    def _too_large(self) -> UsageError:
+        rule = f"at most {LARGEST >> 20} MiB of text are read; leave rows or columns out, or write an .npz"
+        return UsageError(f"{self._source} is too large: {rule}")
+
 
 COLUMNS = 2**16
 VALUES = 2**25  # each takes about 60 bytes as text; a row counts as one more
@@ -178,3 +255,105 @@ def _is_rounded(text: str, value: float) -> bool:
     """Whether a text is a whole number that is not the float `value`."""
     digits = text.strip().lstrip("+-")
     return digits.isdecimal() and Decimal(digits) != Decimal(abs(value))
+
+
+#: how far a row's time may be from its place, in steps
+_JITTER = 0.1
+_NAME = re.compile(r"((?i:time|time_?stamp|stamp)|t)(?:_([a-z]+))?")
+"""T is a temperature more often than a time."""
+_SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hours"), 3600.0),
+}
+"""Units that a title may name; without one it is in seconds."""
+
+
+@dataclass(frozen=True)
+class Times:
+    """A column of time. Row numbers in messages are those of its table."""
+
+    table: TraceTable
+    place: int
+    unit: float  # in seconds
+
+    @property
+    def title(self) -> str:
+        return self.table.titles[self.place]
+
+    @property
+    def is_numeric(self) -> bool:
+        return all(number_of(row[self.place]) is not None for row in self.table.rows)
+
+    @cached_property
+    def seconds(self) -> Array:
+        """The times (T + 1,) in seconds after the first row. Raises `UsageError` where one is no finite number."""
+        for number in range(2, len(self.table.rows) + 2):
+            self.table.number(number, self.place)
+        texts = [row[self.place] for row in self.table.rows]
+        first = Decimal(texts[0])  # floats would round stamps in nanoseconds
+        seconds = np.array([float(Decimal(text) - first) for text in texts]) * self.unit
+        if not np.isfinite(seconds).all():
+            raise UsageError(f"{self.table.source}: the times of the column '{self.title}' are too far apart")
+        return seconds
+
+    def check(self, dt: float) -> None:
+        """Raises `UsageError` unless there is a row every `dt` seconds, to a tenth of it."""
+        wrong = self._off(dt) > _JITTER * dt
+        if wrong.any():
+            i = int(wrong.argmax())
+            due = float(self._text(0)) + i * dt / self.unit
+            rule = f"{due:.15g} is expected with a sampling time of {dt:g} s; rows are one sampling time apart"
+            raise UsageError(f"{self._said(i)}, {rule}")
+
+    def check_rise(self) -> None:
+        """Raises `UsageError` unless each time is greater than the one before it."""
+        wrong = np.diff(self.seconds) <= 0
+        if wrong.any():
+            i = int(wrong.argmax()) + 1
+            raise UsageError(f"{self._said(i)}, and the row before has {self._text(i - 1)}; time must rise")
+
+    def sampling_time(self) -> float:
+        """Seconds from row to row: the roundest number of them, or of rows a second, that the times agree with.
+
+        Raises `UsageError` for fewer than two rows, or where they are not one distance apart, to a tenth of it.
+        """
+        mean = float(self.seconds[-1]) / (len(self.seconds) - 1)
+        jitter = self._off(mean).max()
+        if not jitter <= _JITTER * mean:
+            steps = np.diff(self.seconds)
+            usual = float(np.median(steps))
+            i = int(np.abs(steps - usual).argmax()) + 1
+            rule = f"{steps[i - 1]:g} s after the row before; rows must be one distance apart, and most are {usual:g} s"
+            raise UsageError(f"{self._said(i)}, {rule}")
+        return _roundest(mean, lambda dt: bool((self._off(dt) <= 2 * jitter + 1e-9 * mean).all()))
+
+    def _off(self, dt: float) -> Array:
+        """How far each row is from its place, in seconds."""
+        return np.abs(self.seconds - np.arange(len(self.seconds)) * dt)
+
+    def _text(self, i: int) -> str:
+        return self.table.rows[i][self.place].strip()
+
+    def _said(self, i: int) -> str:
+        return f"{self.table.source}: row {i + 2} has {self.title} {self._text(i)}"
+
+
+def times_of(table: TraceTable, signals: Collection[str] = ()) -> Times | None:
+    """The first column of a table with times; None where there is none, or only one of the `signals`."""
+    for name, place in table.columns.items():
+        unit, match = split_unit(table.titles[place])[1], _NAME.fullmatch(name)
+        if match and name not in signals and (seconds := _SECONDS.get((unit or match[2] or "s").lower())):
+            return Times(table, place, seconds)
+    return None
+
+
+def _roundest(mean: float, agrees: Callable[[float], bool]) -> float:
+    for digits in range(1, 17):
+        for value in (float(f"{mean:.{digits}g}"), 1 / float(f"{1 / mean:.{digits}g}")):
+            if agrees(value):
+                return value
+    return mean

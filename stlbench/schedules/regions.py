@@ -10,7 +10,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array
 from stlbench.stl import And, Formula
-from stlbench.task.scales import Box, scale
+from stlbench.task.forms import Box, scale
 
 _DRAWN, _ROUNDS = 2000, 8
 """Points drawn within the ranges, and the rounds in which they are drawn ever nearer to the best one."""

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from stlbench import stl
-from stlbench.schedules.derive import MOST_PLANS, MOST_VISITS, UnscheduledError, plans
-from stlbench.schedules.plan import Plan, conjunction
+from stlbench.schedules.plan import MOST_PLANS, MOST_VISITS, Plan, UnscheduledError, conjunction, plans
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.times import Programme, Times
 from stlbench.stl import Formula, Term

@@ -1,26 +1,103 @@
-"""A policy or a controller by hand that acts in its task, from any start."""
+"""What a search drives: a policy or a controller by hand that acts in its task, from any start of a space of starts.
+
+Each of its points (N, n) stands for a start (N, s) of the simulator.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, Truth
+from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, System, Truth
 from stlbench.errors import UsageError, cause
+from stlbench.records.array_files import Which
 from stlbench.records.result import Result
-from stlbench.records.saved_policies import Which
-from stlbench.rollout import controller, referee
-from stlbench.rollout.early_ends import judge
+from stlbench.rollout import baselines, referee
 from stlbench.rollout.referee import at_once
-from stlbench.search.space import space_of
+from stlbench.rollout.verdicts import judge
 from stlbench.study.policies import load_policy
+from stlbench.task import starts
+from stlbench.task.entry import Region
+from stlbench.task.starts import SeedStarts, StateStarts
 from stlbench.task.task import Task
+
+
+def space_of(task: Task) -> Box | Seeds:
+    if isinstance(task.starts, StateStarts):
+        return Box(task.starts.initial, task.system)
+    return Seeds(task.starts)
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """Seeds, other than the seeds of training, selection and report. An optimiser cannot search them."""
+
+    sets: SeedStarts
+    single = False
+    names = ("seed",)
+
+    def draw(self, generator: np.random.Generator, count: int) -> Array:
+        return self.sets.fresh(int(generator.integers(2**31)), count)
+
+    def starts(self, points: Array) -> Array:
+        return points
+
+
+@dataclass(frozen=True)
+class Box:
+    """A region of a system's initial states; a unit cube spans its `size` free coordinates."""
+
+    region: Region
+    system: System
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.region.box)
+
+    @property
+    def single(self) -> bool:
+        return self.size == 0
+
+    @cached_property
+    def free(self) -> Integers:
+        return np.flatnonzero(self.region.low < self.region.high)
+
+    @property
+    def size(self) -> int:
+        return len(self.free)
+
+    def points(self, unit: Array) -> Array:
+        """Points (N, n) of the box from the unit cube (N, size); they may break the region's condition."""
+        low, high = self.region.low, self.region.high
+        points = np.tile(low, (len(unit), 1))
+        points[:, self.free] += np.clip(unit, 0.0, 1.0) * (high - low)[self.free]
+        return np.minimum(points, high)
+
+    def inside(self, points: Array) -> Truth:
+        where = self.region.where
+        if where is None:
+            return np.ones(len(points), dtype=np.bool_)
+        return np.asarray(stl.holds(where, self.names)(points))
+
+    def violation(self, points: Array) -> Array:
+        """How far points (N, n) that are not inside break the condition, (N,), at least 0."""
+        assert self.region.where is not None
+        with np.errstate(all="ignore"):
+            return np.nan_to_num(np.maximum(-stl.margin(self.region.where, self.names)(points), 0.0))
+
+    def draw(self, generator: np.random.Generator, count: int) -> Array:
+        return starts.sample(self.region, generator, count)
+
+    def starts(self, points: Array) -> Array:
+        return self.system.initial_states(points)
+
 
 Verdict = Literal["violated", "open", "satisfied"]
 """The verdict on one episode; open if it ended early and some continuations satisfy."""
@@ -104,12 +181,12 @@ def of_controller(task: Task) -> Actor:
     name = f"{task.name}, by hand"
 
     def record(states: Array) -> Array:
-        episodes = controller.record(task, states)
+        episodes = baselines.record_controller(task, states)
         assert episodes is not None
         return episodes.traces
 
     with foreign(name):
-        first = controller.record(task, task.starts.report_and_selection()[0][:1])
+        first = baselines.record_controller(task, task.starts.report_and_selection()[0][:1])
     if first is None:
         raise UsageError(f"task {task.name} has no controller by hand")
     return Actor(name, (task.name, "by-hand"), task, record)

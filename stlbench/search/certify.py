@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 
 from stlbench.errors import UsageError
-from stlbench.search.actor import Actor, Unsearchable
-from stlbench.search.space import space_of
+from stlbench.search.actor import Actor, Unsearchable, space_of
 from stlbench.statistics.intervals import Interval, share_interval, share_sequence
 from stlbench.study.cell import derive_seed
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stlbench.records import npz, outputs
-from stlbench.report.figures.counterexample import counterexample
+from stlbench.records import array_files, result_files
 from stlbench.report.figures.files import file_name, save
+from stlbench.report.figures.margins import counterexample
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
@@ -66,11 +66,11 @@ def write(result: Falsification, folder: Path) -> list[Path]:
     name = file_name(kind, *result.actor.label)
     task, trace = result.actor.task, result.worst.trace
     arrays = {"signals": np.array(task.signals), "coordinates": np.array(list(result.start))}
-    npz.write(folder / f"{name}.npz", {**arrays, "traces": trace[None], "start": result.worst.point})
+    array_files.write_arrays(folder / f"{name}.npz", {**arrays, "traces": trace[None], "start": result.worst.point})
     times = [[round(step * task.file.sampling_time, 9)] for step in range(len(trace))]
     titles, times = (["time"], times) if "time" not in task.signals else ([], [[]] * len(trace))
     rows = ([*time, *sample] for time, sample in zip(times, trace.tolist(), strict=True))
-    outputs.write(folder / f"{name}.csv", outputs.csv_text([[*titles, *task.signals], *rows]))
+    result_files.write(folder / f"{name}.csv", result_files.csv_text([[*titles, *task.signals], *rows]))
     word = "verdict open" if result.open else result.worst.verdict
     title = f"{result.actor.name}: {word}, robustness {result.worst.robustness:.4g}, from {result.start_text(4)}"
     figure = counterexample(task, trace[: result.steps + 1], result.witness, title)

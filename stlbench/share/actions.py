@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError, cause, did_you_mean
-from stlbench.rollout.controller import nearest
+from stlbench.rollout.baselines import nearest
 from stlbench.rollout.faults import out_of_range
 from stlbench.rollout.trace_table import read_table
 

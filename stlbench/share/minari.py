@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from stlbench import __version__
 from stlbench.contract import ActionGrid, Array, Integers, Policy
 from stlbench.errors import UsageError, unwritable
-from stlbench.records.outputs import inside, write
 from stlbench.records.result import Result
+from stlbench.records.result_files import inside, write
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
-from stlbench.rollout.observing import observation_of
-from stlbench.rollout.questions import Question, plugins_of
-from stlbench.share.cards import CARD, card
-from stlbench.share.zoo import with_policies
+from stlbench.rollout.faults import Question, plugins_of
+from stlbench.rollout.worlds import observation_of
+from stlbench.share.zoo import CARD, card, with_policies
 from stlbench.study.plugin_guard import ask_one
 from stlbench.study.policies import load_policy
 from stlbench.task import Task

@@ -12,12 +12,12 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Policy, Unsuitable
 from stlbench.errors import UsageError
+from stlbench.records.array_files import Which
 from stlbench.records.observation import KEY, Observation
-from stlbench.records.outputs import write
 from stlbench.records.result import Result
-from stlbench.records.saved_policies import Which
-from stlbench.rollout.observing import observation_of
+from stlbench.records.result_files import write
 from stlbench.rollout.referee import Referee
+from stlbench.rollout.worlds import observation_of
 from stlbench.share.actions import actions_of
 from stlbench.share.torch_files import check_size
 from stlbench.study.policies import LoadedPolicy, load_policy

@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
+from stlbench.records.array_files import Which
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
-from stlbench.records.saved_policies import Which
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table, Value
-from stlbench.rollout.questions import Question, Unanswered, plugins_of
+from stlbench.rollout.faults import Question, Unanswered, plugins_of
 from stlbench.rollout.referee import Referee
-from stlbench.share.bundle import METADATA, About, read_metadata
-from stlbench.share.checked import check, results_in, unpacked
+from stlbench.share.bundle import METADATA, About, check, read_metadata, results_in, unpacked
 from stlbench.study.plugin_guard import LONG, ask
 from stlbench.study.policies import load_policy
 from stlbench.task import load_task

@@ -10,26 +10,23 @@ from typing import Any, Literal, NamedTuple
 
 from stlbench.contract import Array, GymTask, Intractable, RewardMethod, System, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.records import saved_traces, stored, upkeep
+from stlbench.records import array_files, stored, upkeep
+from stlbench.records.array_files import Assessment
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.lock import writing
 from stlbench.records.observation import Observation
-from stlbench.records.outputs import LINES, cell_files, inside
 from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Score
-from stlbench.records.saved_traces import Assessment
-from stlbench.registry import folders
+from stlbench.records.result_files import LINES, cell_files, inside, writing
+from stlbench.registry import named_tasks
 from stlbench.registry.choices import NAME, Choice
 from stlbench.rollout import referee
-from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.observing import observation_of
-from stlbench.rollout.questions import Question
+from stlbench.rollout.baselines import Unpaid
+from stlbench.rollout.faults import Question
+from stlbench.rollout.worlds import observation_of
 from stlbench.share.actions import OnObservation, OnState, numbers_of, read_actions
 from stlbench.share.onnx import load_onnx
-from stlbench.share.sb3 import load_sb3
-from stlbench.share.source import Source, load_function
-from stlbench.share.torch_files import load_state_dict
-from stlbench.share.traces import from_the_reports_starts, load_traces
+from stlbench.share.source import Source, from_the_reports_starts, load_function, load_traces
+from stlbench.share.torch_files import load_sb3, load_state_dict
 from stlbench.study.cell import digest, harness
 from stlbench.study.provenance import collect
 from stlbench.task import Task, build_method, load_task
@@ -196,7 +193,7 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
     remarks = {"observation": scored.observation, "moved": scored.moved}
     facts = {"source": source.shown, "sha256": sha256, "on": on, "begun_at": scored.starts, **more}
     facts |= {name: text for name, text in remarks.items() if text}
-    folder = folders.place_of(task.choice.name)
+    folder = named_tasks.place_of(task.choice.name)
     place = {} if folder is None else {TASK_FOLDER: str(folder)}
     return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})
 
@@ -216,9 +213,9 @@ def record(folder: Path, entry: Entry) -> Result | None:
             upkeep.take_out(folder, ledger, before.id)
         scored, place = entry.scored, inside(path, folder)
         if scored.states is None:
-            saved_traces.save_samples(place, scored.traces, entry.signals)
+            array_files.save_samples(place, scored.traces, entry.signals)
         else:
             assessment = Assessment(dict(scored.measurement.selected), scored.traces, scored.states)
-            saved_traces.save(place, assessment, entry.signals)
+            array_files.save_traces(place, assessment, entry.signals)
         ledger.record(result)
     return before

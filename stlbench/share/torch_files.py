@@ -1,9 +1,18 @@
-"""Layers of a perceptron, whatever file they are from: read by torch as weights alone, computed by NumPy."""
+"""Layers of a perceptron from files of torch and of Stable-Baselines3, read as weights alone, without running code
+of theirs, and computed by NumPy.
+
+SB3's own `load` unpickles parts of the file, which can run any code. Here the weights are read by torch as weights
+alone, and of the rest only texts.
+"""
 
 from __future__ import annotations
 
+import io
+import json
+import math
 import re
 import warnings
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +21,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import Array
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Integers
+from stlbench.errors import UsageError, cause, did_you_mean
+from stlbench.records.observation import KEY, Observation
 
 Weights = NDArray[np.floating[Any]]
 ACTIVATIONS: Mapping[str, Callable[[Weights], Weights]] = {
@@ -115,3 +125,149 @@ def _matched(
             if (actual := weights[f"{name}{part}"].shape) != shape:
                 raise UsageError(f"{path}: '{name}{part}' has the shape {actual}; by {architecture} it is {shape}")
     return tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names)
+
+
+@dataclass(frozen=True)
+class _Form:
+    """Where an algorithm keeps the layers that act, and what it makes of their output."""
+
+    hidden: str  # before the number of a layer
+    last: str  # the last layer; empty where it is one of the numbered
+    activation: str  # unless the file says another
+    squashed: bool = False  # its tanh spans the actions; otherwise the output is in their units, and clipped
+
+
+_FORMS = (
+    _Form("q_net.q_net.", "", "ReLU"),
+    _Form("actor.mu.", "", "ReLU", squashed=True),
+    _Form("actor.latent_pi.", "actor.mu.", "ReLU", squashed=True),
+    _Form("mlp_extractor.policy_net.", "action_net.", "Tanh"),
+)
+"""DQN; TD3 and DDPG; SAC; PPO and A2C."""
+
+
+def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = True) -> Callable[[Array], Any]:
+    """The deterministic policy of a model that SB3 saved: DQN, TD3, DDPG, SAC, PPO or A2C, with an `MlpPolicy`.
+
+    Of numbers alone, a `MultiInputPolicy` is the same: it flattens a Dict as Gymnasium does. Unless the user has
+    `declared` what is shown, the file's observation space must not contradict it. Raises `UsageError` if torch is
+    missing, or the file is no such model, or it does not fit the task, or a weight is no finite number.
+    """
+    data, weights = _read(path)
+    form = next((form for form in _FORMS if _numbers(weights, form)), None)
+    if form is None or any("features_extractor" in name for name in weights):
+        raise UsageError(f"{path}: expected is an MlpPolicy of DQN, TD3, DDPG, SAC, PPO or A2C; export others as ONNX")
+    layers = Layers(_layers(weights, form), _activation(path, data, form))
+    _check_observation(path, data, shown, declared)
+    layers.check(path, shown.total)
+    space = _mapping(data.get("action_space"))
+    meaning = _meaning_of_outputs(path, space, len(layers.parts[-1][1]), actions, form.squashed)
+    return lambda observation: meaning(layers.outputs(observation))
+
+
+def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Weights]]:
+    try:
+        with zipfile.ZipFile(path) as file:
+            data = json.loads(file.read("data"))
+            weights = read_weights(path, io.BytesIO(file.read("policy.pth")))
+    except UsageError:
+        raise
+    except Exception as error:  # torch raises many kinds
+        raise UsageError(f"{path} is no model that Stable-Baselines3 saved: {cause(error)}") from error
+    return _mapping(data), weights
+
+
+def _layers(weights: Mapping[str, Weights], form: _Form) -> tuple[tuple[Weights, Weights], ...]:
+    """Matrices (outputs, inputs) and biases, in the order of their numbers."""
+    names = [f"{form.hidden}{number}." for number in _numbers(weights, form)] + ([form.last] if form.last else [])
+    return tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names)
+
+
+def _numbers(weights: Mapping[str, Weights], form: _Form) -> list[int]:
+    """The numbers of the layers of this form; empty if the file is of another."""
+    pattern = re.compile(rf"{re.escape(form.hidden)}(\d+)\.weight")
+    return sorted(int(match[1]) for name in weights if (match := pattern.fullmatch(name)))
+
+
+def _activation(path: Path, data: Mapping[str, Any], form: _Form) -> str:
+    text = str(_mapping(data.get("policy_kwargs")).get("activation_fn", form.activation))
+    name = text.removesuffix("'>").rpartition(".")[2]
+    if name.lower() not in ACTIVATIONS:
+        raise UsageError(f"{path}: activation {name}; known are ReLU, Tanh; export others as ONNX")
+    if data.get("use_sde"):
+        raise UsageError(f"{path}: a policy with state-dependent exploration (use_sde); export it as ONNX")
+    return name.lower()
+
+
+def _meaning_of_outputs(
+    path: Path, space: Mapping[str, Any], count: int, actions: Actions, squashed: bool
+) -> Callable[[Array], Integers | Array]:
+    """A function from outputs (N, count) to indices (N,) of the task's grid, or vectors (N, axes).
+
+    `space` is SB3's text about the policy's space of actions. If `squashed`, the tanh of the outputs spans the actions;
+    otherwise they are in the actions' units, and clipped. Raises `UsageError` for other actions than the task's.
+    """
+    kind = str(space.get(":type:")).removesuffix("'>").rpartition(".")[2]
+    counts = tuple(map(int, re.findall(r"\d+", str(space.get("nvec")))))
+    if isinstance(actions, ActionBox) and kind == "Box" and count == len(actions.names):
+        low, high = np.array(actions.low), np.array(actions.high)
+        if squashed:
+            return lambda outputs: low + (np.tanh(outputs) + 1) / 2 * (high - low)
+        return lambda outputs: np.clip(outputs, low, high)
+    if isinstance(actions, ActionGrid):
+        if kind == "Discrete" and count == actions.size:
+            return lambda outputs: outputs.argmax(axis=1)
+        if kind == "MultiDiscrete" and counts == actions.shape and count == sum(actions.shape):
+            ends = np.cumsum(actions.shape)[:-1]
+            return lambda outputs: _index(actions, [axis.argmax(axis=1) for axis in np.split(outputs, ends, axis=1)])
+        if kind == "MultiBinary" and actions.shape == (2,) * count:
+            return lambda outputs: _index(actions, [axis > 0 for axis in outputs.T])
+    of_policy = f"{kind} actions" + (f", {' x '.join(map(str, counts))}" if kind == "MultiDiscrete" else "")
+    if isinstance(actions, ActionBox):
+        of_task = f"{len(actions.names)} continuous actions"
+    else:
+        product = f", {' x '.join(map(str, actions.shape))}" if len(actions.shape) > 1 else ""
+        of_task = f"a grid of {actions.size} actions{product}"
+    raise UsageError(f"{path}: the policy has {count} outputs for {of_policy}, and the task {of_task}")
+
+
+def _index(actions: ActionGrid, places: list[Any]) -> Integers:
+    index: Integers = np.ravel_multi_index([place.astype(np.int64) for place in places], actions.shape)
+    return index
+
+
+_NUMBER = re.compile(r"[-+]?(?:inf|nan|\d+\.?\d*(?:e[-+]?\d+)?)")
+_ROUNDING = 1e-6
+
+
+def _check_observation(path: Path, data: Mapping[str, Any], shown: Observation, declared: bool) -> None:
+    """Raise `UsageError` if the policy was trained on other observations than it would be shown.
+
+    The spaces of `stlbench.wrap` and `stlbench.gym` carry a record. Other spaces have ends at most: a number that is
+    shown from -1 to 1 and was up to 8 in training is a different number. If the user `declared` what the policy is
+    shown, only the record counts. `data` are SB3's texts beside its pickles.
+    """
+    space = _mapping(data.get("observation_space"))
+    if KEY in space:
+        Observation.of_facts(str(path), space[KEY]).check(str(path), shown)
+    if declared:
+        return
+    hint = "if it was trained on just what is shown, say --on observation"
+    if data.get("_last_original_obs") is not None:
+        rule = "it was trained inside VecNormalize, whose statistics are not in the file"
+        raise UsageError(f"{path}: {rule}; score it by a module:function that normalizes; {hint}")
+    most = [max(map(abs, pair)) for pair in zip(_ends(space.get("low")), _ends(space.get("high")), strict=False)]
+    for place, end in enumerate(most if len(most) == shown.total else []):
+        if shown.within(place) and 1 + _ROUNDING < end < math.inf:
+            rule = f"in training, number {place} of the observation was up to {end:g}, and here it is from -1 to 1"
+            raise UsageError(f"{path}: {rule}, of {shown}; {hint}")
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    """The value if it is a mapping, else an empty one: a file may have anything."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def _ends(text: object) -> list[float]:
+    """The numbers of an array in NumPy's text; none of a long array, whose text is abridged."""
+    return [] if "..." in str(text) else [float(each) for each in _NUMBER.findall(str(text))]

@@ -1,4 +1,5 @@
-"""The policies that come with stlbench, and how one policy is taken out of a folder of results.
+"""The policies that come with stlbench, how one is taken out of a folder of results, and the cards of policies and
+data sets, under the headings of Hugging Face's hub.
 
 They are a folder of results like any other: `cells.jsonl` and `policies/`, of which each file has the selected policy
 alone. `studies/zoo.py` writes it.
@@ -6,16 +7,26 @@ alone. `studies/zoo.py` writes it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from string import Template
 
 from stlbench.errors import UsageError
-from stlbench.records.inputs import is_there
-from stlbench.records.inputs import read as read_file
+from stlbench.records.array_files import read_policy
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES, cell_files, write
 from stlbench.records.result import Result
-from stlbench.records.saved_policies import read
+from stlbench.records.result_files import LINES, cell_files, is_there, write
+from stlbench.records.result_files import read as read_file
 from stlbench.study.results import Results
+
+CARD = "README.md"
+"""The file name under which the hub finds a card."""
+
+
+def card(words: Mapping[str, object]) -> str:
+    """The text of a card. Raises `KeyError` where a word of the template is missing."""
+    return Template((Path(__file__).parent / "data.md").read_text(encoding="utf-8")).substitute(words)
+
 
 ZOO = Path(__file__).parent / "zoo"
 
@@ -36,7 +47,7 @@ def take(folder: Path, result: Result, target: Path) -> list[Path]:
     """
     if target.exists():
         raise UsageError(f"{target} is there already; name a new folder")
-    read(folder, result, "selected")
+    read_policy(folder, result, "selected")
     content = read_file(cell_files(folder, result.id, result.key).policies, folder)
     record = target / LINES
     write_lines([result], record)

@@ -12,7 +12,7 @@ from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.rollout.auto import automatic, in_turn
-from stlbench.study.tracks import own_agent_on
+from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods
 from stlbench.task.build import INIT
 

@@ -14,29 +14,28 @@ import numpy as np
 
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError, one_line, unwritable
-from stlbench.records import npz, stored
-from stlbench.records.outputs import inside, write
+from stlbench.records import array_files, stored
+from stlbench.records.array_files import read_policy
 from stlbench.records.result import LEARNED, MAIN, Result
-from stlbench.records.saved_policies import read
+from stlbench.records.result_files import inside, write
 from stlbench.report import Report, condense
 from stlbench.report import write as write_report
 from stlbench.report.page import Opening, require, write_page
 from stlbench.rollout.standards import standards
-from stlbench.search.actor import Actor, of_cell
+from stlbench.search.actor import Actor, of_cell, space_of
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
-from stlbench.search.space import space_of
 from stlbench.share.onnx import export
 from stlbench.solver.contestants import rank
 from stlbench.solver.posed import TASK, WITNESS, Posed
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
 from stlbench.solver.solution import FILE, FINAL, MORE, cells_of
-from stlbench.study.filming import film_cell
+from stlbench.study.film import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
-from stlbench.task.named_code import code_of
+from stlbench.task.reading import code_of
 from stlbench.task.task import Task
 
 _SHARE = 0.05
@@ -122,7 +121,7 @@ class Delivery:
         return found
 
     def _policy(self) -> None:
-        npz.write(self.folder / "policy.npz", read(self.cells, self.best, "selected"))
+        array_files.write_arrays(self.folder / "policy.npz", read_policy(self.cells, self.best, "selected"))
         export(self.cells, self.best, "selected", self.folder / "policy.onnx")
 
     def _page(self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None) -> None:

@@ -12,8 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.records.result import Result
-from stlbench.search.actor import of_cell
-from stlbench.search.space import space_of
+from stlbench.search.actor import of_cell, space_of
 
 _SEED = 1
 """Of the fresh starts; those of a certificate have another."""

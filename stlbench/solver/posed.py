@@ -15,16 +15,16 @@ from pydantic import BaseModel
 
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError, one_line
-from stlbench.records.outputs import inside, write
 from stlbench.records.result import Score
-from stlbench.registry import folders
+from stlbench.records.result_files import inside, write
+from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
-from stlbench.solver import tries, witness
+from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
 from stlbench.task.entry import Positive
-from stlbench.task.named_code import file_of
+from stlbench.task.reading import file_of
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
@@ -79,8 +79,8 @@ class Posed:
         if self.state.get("searched"):
             return None
         task, given = self.task, min(_SEARCHED, _SEARCH * seconds)
-        is_quick = witness.COPIES * self.episode_seconds <= _MOST_SEARCHED * given
-        nearest = witness.search(task, given) if is_quick else None
+        is_quick = tries.COPIES * self.episode_seconds <= _MOST_SEARCHED * given
+        nearest = tries.search(task, given) if is_quick else None
         if nearest is not None and nearest.satisfies:
             facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
             write(self.folder / WITNESS, json.dumps(facts))
@@ -117,7 +117,7 @@ def pose(
         if state["problem"] != problem.facts:
             raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
         _refuse_other_code(problem, home)
-        folders.know(home, instead=True)
+        named_tasks.know(home, instead=True)
         return Posed(folder, state["episode_seconds"])
     if home.exists():
         raise UsageError(
@@ -190,7 +190,7 @@ def _posed(problem: Problem, home: Path, seconds: float, say: Callable[[str], No
     _write(home / _FILE, content)
     for name, text in code_beside(problem).items():
         write(home / name, text)
-    folders.know(home, instead=True)
+    named_tasks.know(home, instead=True)
     task = load_task(TASK)
     episode = tries.episode_seconds(task)
     tries.check_speed(task, episode, seconds / 60, say)

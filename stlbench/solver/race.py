@@ -16,8 +16,8 @@ import numpy as np
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
+from stlbench.records.result_files import cell_files
 from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, best_first, contestants, rank, resumes
 from stlbench.solver.outlook import Outlook, outlook

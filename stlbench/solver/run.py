@@ -24,7 +24,7 @@ from stlbench.solver.solution import FILE, Solution
 from stlbench.solver.start import Start
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
-from stlbench.task.gym_calls import blaming
+from stlbench.task.gym_make import blaming
 
 _TIMES = ("steps", "seconds")
 

@@ -12,17 +12,16 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, System
 from stlbench.errors import UsageError
-from stlbench.records.inputs import read
-from stlbench.records.outputs import inside
 from stlbench.records.result import LEARNED
-from stlbench.registry import folders
+from stlbench.records.result_files import inside, read
+from stlbench.registry import named_tasks
 from stlbench.rollout.faults import pay
-from stlbench.rollout.observing import scaled_times, time_and_inputs
+from stlbench.rollout.worlds import scaled_times, time_and_inputs
 from stlbench.solver.posed import TASK
 from stlbench.study.policies import LoadedPolicy, load_policy
 from stlbench.study.results import Results
 from stlbench.task.gym_spaces import as_action
-from stlbench.task.named_code import code_of
+from stlbench.task.reading import code_of
 
 FILE = "certificate.json"
 FINAL, RACE = "final", "race"
@@ -129,7 +128,7 @@ class Solution:
             raise UsageError(f"{place} has no solution; `stlbench solve` writes one: {error}") from error
         if code and not run_code:
             raise UsageError(f"{place}: its task runs {', '.join(code)}; if you trust it, load it with run_code=True")
-        folders.know(home, instead=True)
+        named_tasks.know(home, instead=True)
         result = Results.load(cells).cell(certificate["cell"], certificate["budget"])
         return cls(place, certificate, Acting(load_policy(cells, result)))
 

@@ -5,7 +5,7 @@
 2.0
 """
 
-from stlbench.arithmetic.folds import Fold, Least, Mean, Semantics, Total, semantics
+from stlbench.stl.arithmetic.folds import Fold, Least, Mean, Semantics, Total, semantics
 from stlbench.stl.boxes import Bounds, bounds
 from stlbench.stl.errors import (
     AmbiguousError,
@@ -19,9 +19,17 @@ from stlbench.stl.errors import (
     UnknownSignalError,
 )
 from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
-from stlbench.stl.language.fragment import Term, fragment
 from stlbench.stl.language.parser import parse, parse_expression
-from stlbench.stl.language.structure import first_past, horizon, is_temporal, negations_inside, resolve_end, signals
+from stlbench.stl.language.structure import (
+    Term,
+    first_past,
+    fragment,
+    horizon,
+    is_temporal,
+    negations_inside,
+    resolve_end,
+    signals,
+)
 from stlbench.stl.language.syntax import (
     END,
     Always,

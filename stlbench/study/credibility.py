@@ -18,9 +18,9 @@ import numpy as np
 
 from stlbench.contract import System
 from stlbench.errors import UsageError, cause, one_line
-from stlbench.records.outputs import cell_files
+from stlbench.records.array_files import read_cell
 from stlbench.records.result import MAIN, Measurement, Result, Score
-from stlbench.records.saved_traces import read_cell
+from stlbench.records.result_files import cell_files
 from stlbench.registry import plugins
 from stlbench.rollout import referee
 from stlbench.study.cell import Cell

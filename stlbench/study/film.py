@@ -1,4 +1,5 @@
-"""Films of a cell: the best and the worst start of its report side by side, as GIF, WebP or MP4.
+"""Films of a cell: the best and the worst start of its report side by side, as GIF, WebP or MP4; of what was
+recorded, or of the stored policy that acts again.
 
 A film shows the pictures of a system that draws itself (`presentation.Drawn`) or of an environment, else the plane that
 the task file names, else the signals against time.
@@ -11,7 +12,7 @@ import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -20,17 +21,22 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from stlbench.contract import Array, Integers
-from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.contract import Array, GymTask, Integers
+from stlbench.contract.presentation import Banded, Drawn, Pixels
 from stlbench.errors import UsageError
-from stlbench.records.outputs import opened
-from stlbench.records.outputs import write as write_file
+from stlbench.records.array_files import Which
+from stlbench.records.result import MAIN, Result
+from stlbench.records.result_files import opened
+from stlbench.records.result_files import write as write_file
 from stlbench.report.figures import layout, plane
+from stlbench.report.figures.files import file_name, save
+from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.regions import parts
 from stlbench.report.figures.style import TRACE
-from stlbench.report.figures.trajectories import READ, part_keys, signals_in_time
-from stlbench.rollout.traces import Recording
-from stlbench.task.task import Task
+from stlbench.report.figures.trajectories import READ, part_keys, signals_in_time, trajectories
+from stlbench.rollout.referee import Recording, load
+from stlbench.study.policies import EVERY, Replay, Start, reenact, replay
+from stlbench.task.task import Task, load_task
 
 FRAMES_A_SECOND = 12.5  # GIF counts in hundredths of a second: 8 of them a frame
 SHORTEST, LONGEST = 4.0, 12.0  # seconds that a film lasts, whatever the episode does: 150 frames at most
@@ -237,3 +243,56 @@ def ffmpeg() -> str:
     if program is None:
         raise UsageError("mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without")
     return program
+
+
+Form = Literal["gif", "webp", "mp4", "png"]
+
+
+class Filmed(NamedTuple):
+    paths: tuple[Path, ...]
+    remarks: tuple[str, ...]  # a line for each surprise
+
+
+def film_cell(run: Path, result: Result, which: Which, start: Start, form: Form, out: Path) -> Filmed:
+    """Write pictures or a film of a finished cell's policy into the folder `out`.
+
+    Raises `UsageError` if there is nothing to film, or the files cannot be written.
+    """
+    options: list[str] = [] if which == "selected" else [which]
+    if start.point is not None:
+        options.append("start-" + ",".join(repr(number).removesuffix(".0") for number in start.point))
+    elif start.index is not None:
+        options.append(f"start-{start.index}")
+    title = ", ".join([result.id.name, *options]).replace("start-", "start ")
+    name = file_name(*result.id.name.split("/"), result.id.budget, *options)
+    if form == "png":
+        return Filmed(tuple(_write_pictures(replay(run, result, which, start), title, out, name)), ())
+    recorded = which == "selected" and start == EVERY
+    shown = _recorded(run, result) if recorded else replay(run, result, which, start)
+    acted, remarks, states = None, list[str](), shown.recording.film
+    if isinstance(shown.task.dynamics, GymTask) and states is not None:
+        try:
+            acted = reenact(run, result, which, start, states)
+        except UsageError as error:
+            remarks.append(f"no pictures of the environment: {error}")
+    path = out / f"film-{name}.{form}"
+    remark = write(shown.task, shown.recording, shown.robustness, title, path, acted)
+    if remark:
+        remarks.append(remark)
+    elif acted and states and not acted.repeats(shown.recording.traces[states.starts]):
+        remarks.append("the pictures differ from what was recorded: the environment did not repeat it")
+    return Filmed((path,), tuple(remarks))
+
+
+def _recorded(run: Path, result: Result) -> Replay:
+    """What was recorded when the cell was trained, which needs no policy."""
+    assert result.measurement is not None
+    task = load_task(result.id.task)
+    return Replay(task, None, load(task, result, run), result.measurement.selected[MAIN].robustness)
+
+
+def _write_pictures(shown: Replay, title: str, out: Path, name: str) -> Iterator[Path]:
+    bands = shown.method.band() if isinstance(shown.method, Banded) else ()
+    yield from save(trajectories(shown.task, shown.recording, title), out, f"trajectories-{name}")
+    if figure := robustness_in_time(shown.task, shown.recording, bands, title):
+        yield from save(figure, out, f"time-{name}")

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from stlbench.contract import Agent, Arrays, Unsuitable
 from stlbench.errors import UsageError, one_line
-from stlbench.records import npz
-from stlbench.records.saved_policies import digest
+from stlbench.records import array_files
+from stlbench.records.array_files import digest
 from stlbench.registry.choices import Choice
 from stlbench.study.cell import Cell
 from stlbench.task.build import INIT
@@ -42,7 +42,7 @@ def read(path: Path) -> Arrays:
     if not path.is_file():
         raise UsageError(f"there is no policy at {path}")
     try:
-        arrays = npz.read(path, folder=path.parent)
+        arrays = array_files.read_arrays(path, folder=path.parent)
     except ValueError as error:
         raise UsageError(f"cannot read {path} as a policy: {error}") from error
     selected = {name.removeprefix(_SELECTED): each for name, each in arrays.items() if name.startswith(_SELECTED)}

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Self, cast
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId
-from stlbench.records.outputs import inside
 from stlbench.records.result import Result
+from stlbench.records.result_files import inside
 from stlbench.records.rows import numbers
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 from stlbench.contract import Outcome, Work
 from stlbench.errors import UsageError
-from stlbench.registry import folders, plugins
+from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
-from stlbench.rollout.questions import Question, Unanswered, answered_here
+from stlbench.rollout.faults import Question, Unanswered, answered_here
 from stlbench.rollout.standards import about, known
 from stlbench.study.run import build_executor
 from stlbench.task import Task, load_task
@@ -70,7 +70,7 @@ def load_guarded(choice: Choice | str) -> Task:
 
     Raises `UsageError` as `load_task`; or if the task raises, hangs or ends its process while it is loaded.
     """
-    chosen = folders.task_of(choice)
+    chosen = named_tasks.task_of(choice)
     if not _is_own("tasks", chosen.name):
         question = about(Choice(chosen.name))
         if _identity(question) not in _LOADED:
@@ -87,7 +87,7 @@ def _identity(question: Question[Any]) -> Any:
 
 
 def _places(question: Question[Any]) -> tuple[Path, ...]:
-    collected = (folders.place_of(name) for kind, name in question.plugins if kind == "tasks")
+    collected = (named_tasks.place_of(name) for kind, name in question.plugins if kind == "tasks")
     return tuple(place for place in collected if place is not None)
 
 
@@ -136,7 +136,7 @@ def _ready() -> None:
 
 def _answered(call: _Call) -> _Answer:
     for folder in call.folders:
-        folders.know(folder)  # this process may be another than the one in which it was named
+        named_tasks.know(folder)  # this process may be another than the one in which it was named
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default", plugins.PluginWarning)
         answer = answered_here(call.question)

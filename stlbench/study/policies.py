@@ -1,8 +1,9 @@
-"""Stored policies: loaded with their task and method, and simulated again from any start."""
+"""Stored policies: loaded with their task and method, and simulated again from any start, also in front of a camera."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, cast
@@ -10,19 +11,45 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from stlbench.contract import Agent, Array, Arrays, GymTask, Intractable, Policy, RewardMethod, Unsuitable
+from stlbench.contract.presentation import Pixels
 from stlbench.errors import UsageError, cause
+from stlbench.records.array_files import Film, Which, read_policy
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, StoredPolicies
-from stlbench.records.saved_policies import Which, read
-from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
 from stlbench.rollout import referee
-from stlbench.rollout.observing import observation_of
-from stlbench.rollout.reenactment import Reenactment
-from stlbench.rollout.traces import Recording
-from stlbench.study.tracks import Recipe, task_of
-from stlbench.task import Task, build_method
+from stlbench.rollout.environment import Simulator
+from stlbench.rollout.referee import Recording
+from stlbench.rollout.worlds import observation_of
+from stlbench.study.cell import Recipe, task_of
+from stlbench.task import build_method
 from stlbench.task.starts import StateStarts
+from stlbench.task.task import Task
+
+
+class Reenactment:
+    """Pictures of each copy in the order of time. An environment's state cannot be set, so the episode is repeated."""
+
+    def __init__(self, task: Task, method: RewardMethod, policy: Policy, begun: Array) -> None:
+        self._policy, self._simulator = policy, Simulator(task, method, rewarded=False, drawn=True)
+        self._simulator.reset(begun)
+        self._samples = [self._simulator.signals[:, None].copy()]
+
+    def __call__(self, sample: int) -> Sequence[Pixels]:
+        """The pictures at the last decision before a sample, which may not decrease; `RuntimeError` without any."""
+        simulator = self._simulator
+        while simulator.t[0] + simulator.hold <= sample:
+            self._samples.append(simulator.advance(self._policy.act(simulator.observe())).samples)
+        pictures = simulator.world.frames()
+        if pictures is None:
+            raise RuntimeError("the simulation has no picture of itself")
+        return pictures
+
+    def repeats(self, traces: Array) -> bool:
+        """Whether the samples up to now are those of traces (n, T + 1, k); after an early end these may be NaN."""
+        lived = np.concatenate(self._samples, axis=1)
+        recorded = traces[:, : lived.shape[1]]
+        return bool(np.allclose(np.where(np.isnan(recorded), lived, recorded), lived))
 
 
 class LoadedPolicy(NamedTuple):
@@ -40,7 +67,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
     use it. `on` is another task than the cell's own, with the same observation and actions. Raises `UsageError` if no
     policy is stored, or it differs from the record, or its plugins are missing or show and take other things now.
     """
-    arrays, name = read(folder, result, which), result.id.name
+    arrays, name = read_policy(folder, result, which), result.id.name
     assert result.measurement is not None
     assert result.measurement.policies is not None
     stored, cell = result.measurement.policies, result.id

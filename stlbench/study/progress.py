@@ -12,8 +12,7 @@ from rich.console import Console
 from rich.text import Text
 
 from stlbench.records.identity import CellId, Setting
-from stlbench.records.result import Result, reported
-from stlbench.records.status import ACCIDENTS
+from stlbench.records.result import ACCIDENTS, Result, reported
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar

@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.records import stored
+from stlbench.records.array_files import SavedTraces, Which, read_cell
 from stlbench.records.identity import IDENTITY, CellId, find_cell
-from stlbench.records.result import Result
+from stlbench.records.result import ACCIDENTS, NOT_RUN, Result
 from stlbench.records.rows import numbers, score_numbers
-from stlbench.records.saved_policies import Which
-from stlbench.records.saved_traces import SavedTraces, read_cell
-from stlbench.records.status import ACCIDENTS, NOT_RUN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -136,7 +134,7 @@ class Results:
 
         `learned number` seeds learned the task, of `learned seeds` that ran. `robustness` is that of the median seed.
         """
-        from stlbench.report.tables.answer import answer_table
+        from stlbench.report.tables.comparisons import answer_table
 
         report = self._report()
         return _frame(answer_table([*report.learned, *report.outside], report.known, most=len(report.groups)))

@@ -13,19 +13,16 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.lock import writing
-from stlbench.records.outputs import cell_files
-from stlbench.records.result import Result
-from stlbench.records.status import Status
+from stlbench.records.result import Result, Status
+from stlbench.records.result_files import cell_files, writing
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
 from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
-from stlbench.study.code_changes import outdated, outdated_note, run_checked
 from stlbench.study.credibility import Examiner
 from stlbench.study.logs import Logged, build_logs
 from stlbench.study.plan import check_cells, examples, uncompiled, warm
-from stlbench.study.provenance import collect, here
+from stlbench.study.provenance import collect, here, outdated, outdated_note, run_checked
 from stlbench.study.results import Results
 from stlbench.study.scheduler import failing
 from stlbench.study.study import Study

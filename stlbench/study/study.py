@@ -1,22 +1,29 @@
-"""A study as one value. Its fields are the options of `stlbench run`, the keys of a file and Python arguments."""
+"""A study as one value, whose fields are the options of `stlbench run`, the keys of a file and Python arguments; and
+the JSON schemas of task files and study files, by which editors complete and check them.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
 
 from stlbench.errors import UsageError, did_you_mean, in_words, one_line
-from stlbench.records.status import Status, accidents_of
-from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
+from stlbench.records.result import Status, accidents_of
+from stlbench.registry.choices import Choice, choice_of, executor_of, field_docs, parse_choices, split
+from stlbench.task.entry import Entry, read_both
+from stlbench.task.file import TaskFile
 
 if TYPE_CHECKING:
     from stlbench.study.cell import Cell
+
 
 MOST_SEEDS = 10_000
 
@@ -58,9 +65,9 @@ def read_choices(
 
 def read_tasks(value: Any) -> Any:
     """As `read_choices`; a task may be a folder's path."""
-    from stlbench.registry import folders  # it imports NumPy, which the help of the command line need not wait for
+    from stlbench.registry import named_tasks  # it imports NumPy, which the help of the command line need not wait for
 
-    return read_choices(value, folders.parse_tasks, folders.task_of)
+    return read_choices(value, named_tasks.parse_tasks, named_tasks.task_of)
 
 
 def read_executor(value: Any) -> Any:
@@ -213,9 +220,9 @@ class Study(BaseModel):
 
     def cells(self) -> tuple[Cell, ...]:
         """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
+        from stlbench.study.cell import read_recipes
         from stlbench.study.initial import Initial
         from stlbench.study.plan import plan_cells  # imports tasks, which the options of a command do without
-        from stlbench.study.tracks import read_recipes
 
         recipes = None if self.recipes is None else read_recipes(self.recipes)
         init = None if self.init is None else Initial.of(self.init)
@@ -236,7 +243,7 @@ def _meant(name: str) -> str:
 
 
 def _content(path: Path) -> Mapping[str, Any]:
-    from stlbench.task.yaml_text import load_yaml
+    from stlbench.task.reading import load_yaml
 
     try:
         text = path.read_text(encoding="utf-8")
@@ -258,3 +265,50 @@ def _problem(error: Mapping[str, Any]) -> str:
     if error["type"] == "missing":
         return f"{place} must be given"
     return f"{place}: {in_words(error['msg'])}"
+
+
+Kind = Literal["task", "study"]
+
+_TEXT = {"type": "string"}
+_NUMBER = {"type": "number"}
+_NAMES = {"anyOf": [_TEXT, {"type": "array", "items": _TEXT}]}
+_WHOLE = {"type": "integer", "minimum": 0}
+_READ: Mapping[Callable[..., Any], JsonSchemaValue] = {
+    read_both: {"anyOf": [_NUMBER, {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2}]},
+    read_tasks: _NAMES,
+    read_choices: _NAMES,
+    read_executor: _TEXT,
+    read_logs: _NAMES,
+    read_seeds: {"anyOf": [_WHOLE, _TEXT, {"type": "array", "items": _WHOLE}]},
+    accidents_of: _NAMES,
+}
+"""What a file has where a function of ours reads it."""
+
+
+class _Schema(GenerateJsonSchema):
+    def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
+        return dict(_READ.get(schema["function"]["function"]) or super().function_before_schema(schema))
+
+    def function_plain_schema(self, schema: core_schema.PlainValidatorFunctionSchema) -> JsonSchemaValue:
+        return dict(_TEXT)  # formulas are the only values that `Read` reads
+
+
+def json_schema(kind: Kind) -> JsonSchemaValue:
+    """Of `task.yaml`, or of the file that `stlbench run FILE` takes."""
+    if kind == "study":
+        schema = Study.model_json_schema(schema_generator=_Schema)
+        del schema["required"]  # the command line may say what the file leaves out
+    else:
+        schema = TaskFile.model_json_schema(schema_generator=_Schema)
+        parts = {"TaskFile": schema, **schema["$defs"]}
+        for model in _models(Entry):
+            known = parts.get(model.__name__, {}).get("properties", {})
+            for name in known.keys() & (docs := field_docs(model)).keys():
+                known[name].setdefault("description", docs[name])
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _models(base: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    for model in base.__subclasses__():
+        yield model
+        yield from _models(model)

@@ -18,10 +18,9 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.study.cell import Cell
+from stlbench.study.cell import Cell, Recipe
 from stlbench.study.plan import plan_cells
 from stlbench.study.study import Study
-from stlbench.study.tracks import Recipe
 from stlbench.task import load_task
 from stlbench.task.task import Task
 

@@ -1,14 +1,18 @@
-"""Builds the method or agent that a user chose, for a task."""
+"""Builds the method or agent that a user chose, for a task; and finds methods that pay for the same."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
 from typing import cast
 
-from stlbench.contract import Agent, Intractable, RewardMethod, Specification, Unsuitable, cause
-from stlbench.errors import UsageError
+import numpy as np
+
+from stlbench.contract import Agent, Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.errors import UsageError, cause
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.task.task import Task
@@ -63,3 +67,84 @@ def build_agent(task: Task, choice: Choice | str) -> Agent:
     """
     choice = choice_of(choice).without(INIT)
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))
+
+
+_SAMPLES = 256
+_EXACT = 1e-9
+"""In units of the larger scale of two methods: differences within it count as equal."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The rewards of two methods, of which one is the other plus a function of time."""
+
+    one: str
+    other: str
+    constant: float | None
+    """The surplus of the one's pay over the other's, where that is the same at all times; None where it changes."""
+
+    def __str__(self) -> str:
+        """ "funnel is raw minus 0.99 at all times"."""
+        if self.constant is None:
+            return f"{self.one} is {self.other} plus a function of time alone"
+        if self.constant == 0:
+            return f"{self.one} is {self.other}"
+        sign = "plus" if self.constant > 0 else "minus"
+        return f"{self.one} is {self.other} {sign} {abs(self.constant):.6g} at all times"
+
+
+@dataclass(frozen=True)
+class Paid:
+    """The pay of a method."""
+
+    rewards: Array
+    """At random samples, the same for all methods of a task, and at all times: (T, samples)."""
+    scale: float
+    """`RewardMethod.scale`."""
+
+
+def payments(method: RewardMethod) -> Paid | None:
+    """Its pay; None where that is not a function of samples and time alone (`RewardMethod.arrival`).
+
+    Raises `ValueError` where rewards are no numbers, or of another shape than (T, samples).
+    """
+    if not method.paid_on_arrival:
+        return None
+    rewards, expected = np.asarray(_rewards(method)), (method.specification.steps, _SAMPLES)
+    if rewards.shape != expected or rewards.dtype.kind not in "fiu":
+        raise ValueError(
+            f"its rewards should be numbers of shape {expected}, got {rewards.dtype} of shape {rewards.shape}"
+        )
+    return Paid(rewards, method.scale)
+
+
+def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
+    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time.
+
+    If every episode lasts as long, such methods ask for the same policies: the sum of a function of time is the same
+    for all. If training episodes end early, it also pays for ending sooner, or later. Samples are drawn evenly from
+    the box of the signals, so a difference in a very small part of it can be missed.
+    """
+    known = {name: each for name, each in paid.items() if each is not None}
+    differences = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
+    return tuple(difference for difference in differences if difference is not None)
+
+
+def _difference(one: Paid, other: Paid, names: tuple[str, str]) -> Difference | None:
+    exact = _EXACT * max(one.scale, other.scale)
+    with np.errstate(invalid="ignore"):  # of infinite rewards, which count as different
+        difference = one.rewards - other.rewards
+    if not (np.ptp(difference, axis=1) <= exact).all():
+        return None
+    if np.ptp(difference) > exact:
+        return Difference(*names, None)
+    constant = float(difference.mean())
+    return Difference(*names, 0.0 if abs(constant) <= exact else constant)
+
+
+def _rewards(method: RewardMethod) -> Array:
+    specification, generator = method.specification, np.random.default_rng(0)
+    points = generator.uniform(specification.low, specification.high, (_SAMPLES, len(specification.signals)))
+    t = np.arange(1, specification.steps + 1)
+    shape = len(t), _SAMPLES
+    return method.arrival(np.broadcast_to(points, (*shape, points.shape[1])), np.broadcast_to(t[:, None], shape))

@@ -16,8 +16,7 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.stl import And, Formula, Predicate
 from stlbench.stl.language.syntax import Connective
-from stlbench.task.scales import Box, Scale, scale, violated
-from stlbench.task.windows import Window, windows, with_parts
+from stlbench.task.forms import Box, Scale, Window, scale, violated, windows, with_parts
 
 FARTHEST, BESIDE = 0.4, 1.0
 """The cost of a goal at its worst: alone, and beside invariants, which cost at least as much when they are violated."""

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo
 
 from stlbench import stl
-from stlbench.records.fields import Line, Name
+from stlbench.records.identity import Line, Name
 from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
 
 VIOLATION: Literal["violation"] = "violation"

@@ -1,4 +1,6 @@
-"""Environments by the name that Gymnasium has for them, and which software they consist of."""
+"""Environments by the name that Gymnasium or PettingZoo has for them: which software they consist of, their calls
+checked, several agents as one.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +8,141 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
+from traceback import walk_tb
 from types import ModuleType
 from typing import Any, TypeAlias
 
 import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
-from stlbench.contract import cause
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.errors import UsageError, cause, did_you_mean, one_line
 from stlbench.task.file import Api
-from stlbench.task.gym_joint import JointEnv
+from stlbench.task.gym_spaces import as_action
+
+_RESET = "the environment's reset returns an observation and an info"
+_STEP = "the environment's step returns observation, reward, terminated, truncated, info"
+
+_SEEDED = "the environment's reset takes a seed and options, `def reset(self, *, seed=None, options=None)`"
+
+_OTHER_API = re.compile(r"values to unpack|unexpected keyword argument '(seed|options)'|has no attribute 'items'")
+"""Python's errors where the caller of an environment of another API trips over it."""
+
+
+def begun(env: Any, **options: Any) -> tuple[Any, Any]:
+    """The result of `env.reset(**options)`, observation and info. Raises `UsageError` where it is not of Gymnasium."""
+    observation, info = _returned(_RESET, 2, lambda: env.reset(**options))
+    return observation, info
+
+
+def stepped(env: Any, action: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """The result of `env.step(action)`. Raises `UsageError` where it is not the five values of Gymnasium."""
+    observation, reward, terminated, truncated, info = _returned(_STEP, 5, lambda: env.step(action))
+    return observation, reward, terminated, truncated, info
+
+
+@contextmanager
+def blaming(name: str) -> Iterator[None]:
+    """Raise `UsageError` for what an environment raises when it is reset or stepped here."""
+    try:
+        yield
+    except UsageError:
+        raise
+    except Exception as error:  # it is code of others
+        if not any(frame.f_code is _returned.__code__ for frame, _ in walk_tb(error.__traceback__)):
+            raise
+        raise UsageError(f"environment {name} cannot be played: {cause(error)}") from error
+
+
+def _returned(rule: str, count: int, call: Callable[[], Any]) -> Any:
+    try:
+        given = call()
+    except (AttributeError, TypeError, ValueError) as error:
+        if not _OTHER_API.search(str(error)) or not _of_caller(error):
+            raise
+        rule = _SEEDED if "keyword argument" in str(error) else rule
+        raise UsageError(f"{rule}; its caller says: {one_line(error)}") from error
+    if not (isinstance(given, tuple) and len(given) == count and isinstance(given[-1], Mapping)):
+        raise UsageError(f"{rule}, got {one_line(given)}")
+    return given
+
+
+def _of_caller(error: BaseException) -> bool:
+    """Whether the environment's caller raised it, which is this module, or a wrapper of a library in between."""
+    module = str([frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)][-1])
+    return module == __name__ or module.startswith(("gymnasium.", "pettingzoo."))
+
+
+class JointEnv(gymnasium.Env[Any, Any]):
+    """All agents of a parallel environment, in lock-step.
+
+    The observation is a Dict, agent -> observation. The action joins the agents' actions. The info has the entries of
+    each agent as `agent_entry`. An episode is over when all agents are over. An agent that is over before keeps its
+    last observation and info, and gets no actions.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
+
+    def __init__(self, env: Any) -> None:
+        """Args: `env` a PettingZoo `ParallelEnv`. Raises `UsageError` where actions of agents do not go together."""
+        self.env, self._names = env, tuple(env.possible_agents)
+        self.metadata = {"render_modes": list(getattr(env, "metadata", {}).get("render_modes", ()))}
+        self.render_mode = getattr(env, "render_mode", None)
+        self._spaces = {name: env.action_space(name) for name in self._names}
+        self.observation_space = Dict({name: env.observation_space(name) for name in self._names})
+        self.action_space = _joined(self._spaces)
+        sizes = [int(np.prod(space.shape)) if isinstance(space, Box) else 1 for space in self._spaces.values()]
+        self._ends = np.cumsum(sizes)[:-1].tolist()
+
+    @property
+    def unwrapped(self) -> Any:
+        """The parallel environment, whose software is in the keys of cells."""
+        return self.env.unwrapped
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        observations, infos = begun(self.env, seed=seed, options=options)
+        self._last, self._infos = dict(observations), dict(infos)
+        return dict(self._last), _flat(self._infos)
+
+    def render(self) -> Any:
+        return self.env.render()
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One step by a joint action (axes,); the reward is the sum of all agents'."""
+        own = dict(zip(self._names, np.split(np.ravel(action), self._ends), strict=True))
+        actions = {name: as_action(self._spaces[name], own[name]) for name in self.env.agents}
+        observations, rewards, terminations, truncations, infos = stepped(self.env, actions)
+        self._last |= observations
+        self._infos |= infos
+        over = not self.env.agents or all(terminations[name] or truncations[name] for name in terminations)
+        return dict(self._last), float(sum(rewards.values())), over, False, _flat(self._infos)
+
+
+def _joined(spaces: Mapping[str, Space[Any]]) -> Space[Any]:
+    each: list[Any] = list(spaces.values())
+    if all(isinstance(space, Box) for space in each):
+        low, high = (np.concatenate([np.ravel(ends) for ends in side]) for side in zip(*map(_ends, each), strict=True))
+        return Box(low, high)
+    if all(isinstance(space, Discrete) for space in each):
+        return MultiDiscrete([int(space.n) for space in each], start=[int(space.start) for space in each])
+    named = ", ".join(map(str, each))
+    raise UsageError(f"the actions of all agents should be Boxes, or all Discrete, they are {named}")
+
+
+def _ends(space: Any) -> tuple[Any, Any]:
+    return space.low.astype(np.float32), space.high.astype(np.float32)
+
+
+def _flat(infos: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    return {f"{agent}_{name}": value for agent, info in infos.items() for name, value in info.items()}
+
 
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 

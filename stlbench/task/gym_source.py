@@ -17,8 +17,7 @@ from stlbench.contract import Array, GymTask, cause
 from stlbench.errors import UsageError
 from stlbench.task.file import Axis, Environment, TaskFile
 from stlbench.task.gym_make import Gym, failed, made, modules, software, without_display
-from stlbench.task.gym_signals import Expressions, numbers
-from stlbench.task.gym_spaces import ActionAxis, Observed, action_axes, entries_of, outside_space
+from stlbench.task.gym_spaces import ActionAxis, Expressions, Observed, action_axes, entries_of, numbers, outside_space
 
 RenderMode: TypeAlias = Literal["rgb_array"] | None
 """Whether a copy renders pictures."""

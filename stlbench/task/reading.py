@@ -1,4 +1,6 @@
-"""Makes the texts of a `task.yaml` and a `by_hand.yaml` a task file, or names all that is wrong with it."""
+"""Makes the texts of a `task.yaml` and a `by_hand.yaml` a task file, or names all that is wrong with it; and names
+the code that the folder of a task would run.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +8,94 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
+import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from stlbench.errors import UsageError, did_you_mean, in_words, one_line
+from stlbench.errors import UsageError, cause, did_you_mean, in_words, one_line, printable
+from stlbench.registry.fingerprint import TASK_FILE
 from stlbench.task.checks import check_entries
 from stlbench.task.entry import Parts, Timing
-from stlbench.task.file import BY_HAND, TaskFile
-from stlbench.task.yaml_text import load_yaml
+from stlbench.task.file import BY_HAND, Environment, TaskFile
+
+_MERGE = "tag:yaml.org,2002:merge"
+
+MOST = 200_000
+"""Values that a file may have, each alias counted as what it stands for."""
+
+
+def load_yaml(text: str, place: str) -> Any:
+    """The content of a text, which comes from `place`. It has the escapes of characters that no terminal takes.
+
+    Raises:
+        UsageError: it is no YAML, a mapping has a key twice, a value is none of its type (2001-99-99), a text is none
+            ("\\ud800"), it nests too deep, or a few aliases make more of it than any file would have.
+    """
+    try:
+        content = _loaded(text)
+        size = _size(content, {})
+    except _TwiceError as twice:
+        raise UsageError(f"{place} has {twice}") from None
+    except yaml.YAMLError as error:
+        raise UsageError(f"{place} is no YAML: {error}") from error
+    except UnicodeEncodeError as error:
+        half = one_line(error.object[error.start])
+        raise UsageError(f"{place} has a text with {half}, which is a half of a character") from error
+    except RecursionError:
+        raise UsageError(f"{place} nests too deep") from None
+    except Exception as error:  # of a value: a ValueError of a date, a KeyError of a word that should be true or false
+        raise UsageError(f"{place} is no YAML: a value is none of its type ({cause(error)})") from error
+    if size > MOST:
+        raise UsageError(f"{place} has more than {MOST} values, or an alias inside of what it stands for")
+    return content
+
+
+class _TwiceError(Exception):
+    """Which key, and where."""
+
+
+def _loaded(text: str) -> Any:
+    loader = yaml.SafeLoader(text)
+    try:
+        node = loader.get_single_node()
+        _check(node, set())
+        return None if node is None else loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _check(node: yaml.Node | None, seen: set[int]) -> None:
+    """Make texts safe. Raises `_TwiceError`: YAML's own reader would take the last value of a key, and say nothing."""
+    if isinstance(node, yaml.ScalarNode):
+        node.value.encode()  # no character is a half of a surrogate pair, which an escape can name
+        node.value = printable(node.value, len(node.value))
+    if not isinstance(node, yaml.CollectionNode) or id(node) in seen:
+        return
+    seen.add(id(node))
+    lines = dict[tuple[str, str], int]()
+    for part in node.value:
+        key, value = part if isinstance(node, yaml.MappingNode) else (None, part)
+        _check(key, seen)
+        if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
+            name, line = (key.tag, key.value), key.start_mark.line + 1
+            if name in lines:
+                raise _TwiceError(f"the key '{one_line(key.value)}' in line {lines[name]} and again in line {line}")
+            lines[name] = line
+        _check(value, seen)
+
+
+def _size(value: Any, known: dict[int, int]) -> int:
+    """How many values there are in it. A value within itself has too many."""
+    if not isinstance(value, Mapping | list | set | tuple):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = MOST + 1
+        parts = [*value, *value.values()] if isinstance(value, Mapping) else value
+        known[id(value)] = 1 + sum(_size(part, known) for part in parts)
+    return known[id(value)]
 
 
 @dataclass(frozen=True)
@@ -169,3 +249,45 @@ def as_parts(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: as_parts(item) for name, item in value.items()}
     return tuple(map(as_parts, value)) if isinstance(value, tuple) else value
+
+
+def code_of(home: Path) -> tuple[str, ...]:
+    """The code that the folder of a task runs, in a few words each; none where it is data alone.
+
+    Ask it before the folder is known (`folders.know`), where the user did not name that folder as a task. Raises
+    `UsageError` as `file_of`.
+    """
+    environment = file_of(home).environment
+    files = sorted(path.name for path in home.iterdir() if path.suffix.lower() == ".py")
+    return (*files, *(imported(environment) if environment else ()))
+
+
+def file_of(home: Path) -> TaskFile:
+    """The task file of a folder, by itself. Raises `UsageError` where there is none, or it has errors."""
+    path = home / TASK_FILE
+    try:
+        return read_task_file(path.read_text(encoding="utf-8"), home.name)
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+
+
+def imported(environment: Environment) -> Iterator[str]:
+    """The texts that have a module imported: an id that says where it is registered, or a text among the arguments.
+
+    An id that an installed package has registered is none. Environments may import what a text names, as a class of
+    vehicles, or make another environment of it.
+    """
+    if environment.id is not None and (environment.api != "gymnasium" or ":" in environment.id):
+        yield f"the module of {environment.id}"
+    for name in ("kwargs", "drawn"):
+        if not _is_plain(getattr(environment, name)):
+            yield f"what environment.{name} may name in a text"
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether it consists of numbers, flags and nothing else."""
+    if isinstance(value, Mapping):
+        return all(map(_is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, int | float)

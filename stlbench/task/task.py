@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,11 +26,11 @@ from stlbench.contract import (
 )
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import Track
-from stlbench.registry import folders, plugins
+from stlbench.registry import named_tasks, plugins
 from stlbench.registry.breaches import breach
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import BY_HAND_FILE, TASK_FILE
-from stlbench.registry.suites import SuitePlugin
+from stlbench.registry.named_tasks import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts
 from stlbench.task.file import Axis, Budget, TaskFile
@@ -178,7 +179,7 @@ def load_task(choice: Choice | str) -> Task:
         UsageError: no such task, a task file with errors (the message lists all of them), without what is no part of
             a task, or holding actions for a number of steps that does not fit.
     """
-    choice = folders.task_of(choice)
+    choice = named_tasks.task_of(choice)
     name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
@@ -241,10 +242,11 @@ def _count(text: str) -> int:
 
 def _texts(name: str, kind: type) -> tuple[str, str | None]:
     """The texts of `task.yaml`, and of `by_hand.yaml` where there is one."""
-    package = kind.__module__.rpartition(".")[0]
+    own = sys.modules.get(kind.__module__)
+    package = kind.__module__ if hasattr(own, "__path__") else kind.__module__.rpartition(".")[0]
     if not package:
         raise UsageError(f"task {name}: {kind.__module__} is in no package; a task is a package with a task.yaml")
-    place = folders.place_of(name) or resources.files(package)
+    place = named_tasks.place_of(name) or resources.files(package)
     text, by_hand = (_text(place.joinpath(file), name) for file in (TASK_FILE, BY_HAND_FILE))
     if text is None:
         raise UsageError(f"task {name}: there is no task.yaml in the package {package}")

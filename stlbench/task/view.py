@@ -11,8 +11,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, Truth
 from stlbench.stl import Binary, Call, Expression, Formula, Negative, Predicate
 from stlbench.stl.language.structure import walk
-from stlbench.task.scales import Box, as_margin, reach, scale
-from stlbench.task.windows import Window, windows
+from stlbench.task.forms import Box, Window, as_margin, reach, scale, windows
 
 FEW_GOALS = 6
 """A policy sees the quantities of all goals at all times in a group of at most so many."""

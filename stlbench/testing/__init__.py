@@ -11,12 +11,10 @@ does the same and lists the rules.
 """
 
 from stlbench.testing.agents import check_agent
-from stlbench.testing.executors import check_executor
-from stlbench.testing.logs import check_log
 from stlbench.testing.methods import check_method
 from stlbench.testing.rules import RuleBroken, Rules
-from stlbench.testing.suites import check_suite
-from stlbench.testing.tasks import check_task
+from stlbench.testing.run import check_executor, check_log
+from stlbench.testing.tasks import check_suite, check_task
 
 __all__ = [
     "RuleBroken",

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from stlbench_agents.actor_critic import Networks, Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.layers import size_of
 from stlbench_agents.replay import Batch
+from stlbench_agents.td3_learner import Networks, Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 
 Floats = NDArray[Any]
 INPUTS, ROWS = 3, 40

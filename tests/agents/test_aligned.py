@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stlbench_agents.layers import PassBuffers, layout, zeros
-from stlbench_agents.optimizer import Weights
+from stlbench_agents.layers import PassBuffers, Weights, layout, zeros
 from stlbench_agents.replay import Batch
 
 

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from stlbench.contract import Agent
-from stlbench_agents import compiled_code
-from stlbench_agents.dqn import DQN
-from stlbench_agents.independent import DQNPerRobot
+from stlbench_agents import training
+from stlbench_agents.dqn import DQN, DQNPerRobot
 from stlbench_agents.td3 import TD3
 
 
@@ -20,7 +19,7 @@ from stlbench_agents.td3 import TD3
 def empty(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A machine that has compiled nothing: only the notes of it are elsewhere, so that the test compiles nothing."""
     (tmp_path / "new").mkdir()
-    monkeypatch.setattr(compiled_code, "folder", lambda package: tmp_path / "new")
+    monkeypatch.setattr(training, "folder", lambda package: tmp_path / "new")
     return tmp_path / "new"
 
 
@@ -46,9 +45,9 @@ def test_what_is_compiled_is_not_compiled_again(empty: Path, agent: Agent, same:
 ONCE = """
 import sys
 from stlbench_agents.dqn import DQN
-from stlbench_agents import llvm_kernels, layers, engine, optimizer, replay, q_learner
+from stlbench_agents import llvm_kernels, layers, engine, replay, q_learner
 DQN(head="additive").compile()
-for module in (llvm_kernels, layers, engine, optimizer, replay, q_learner):
+for module in (llvm_kernels, layers, engine, replay, q_learner):
     for name, function in vars(module).items():
         if hasattr(function, "py_func") and function.py_func.__module__ == module.__name__:
             print(name, len(function.signatures))
@@ -67,6 +66,6 @@ def test_no_function_is_compiled_for_two_kinds_of_arguments(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("kept", [None, Path("/proc/none")])
 def test_where_nothing_can_be_kept_it_is_compiled_each_time(monkeypatch: pytest.MonkeyPatch, kept: Path | None) -> None:
-    monkeypatch.setattr(compiled_code, "folder", lambda package: kept)
-    compiled_code.note_ready("td3")
-    assert not compiled_code.is_ready("td3")
+    monkeypatch.setattr(training, "folder", lambda package: kept)
+    training.note_ready("td3")
+    assert not training.is_ready("td3")

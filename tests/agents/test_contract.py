@@ -11,11 +11,9 @@ from helpers.line_task import line
 from stlbench.contract import Actions, Agent, Arrays, Policy, Training, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.testing import check_agent
-from stlbench.testing.line import FORMS, Nearness, line_task
-from stlbench_agents.dqn import DQN
-from stlbench_agents.independent import DQNPerRobot
-from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3
-from stlbench_agents.sb3_dqn import SB3DQN
+from stlbench.testing.agents import FORMS, Nearness, line_task
+from stlbench_agents.dqn import DQN, DQNPerRobot
+from stlbench_agents.sb3 import SB3DQN, SB3PPO, SB3SAC, SB3TD3
 from stlbench_agents.td3 import TD3
 
 GRID, BOX, ROBOTS = (line_task(form) for form in FORMS)

@@ -7,8 +7,7 @@ import math
 import pytest
 
 from stlbench.contract import ActionBox, ActionGrid
-from stlbench_agents.dqn import DQN
-from stlbench_agents.independent import DQNPerRobot
+from stlbench_agents.dqn import DQN, DQNPerRobot
 from stlbench_agents.td3 import TD3
 from stlbench_agents.training import cost_of
 

@@ -19,8 +19,8 @@ from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.dqn import DQN
-from stlbench_agents.lock_step import Counterfactuals
 from stlbench_agents.q_learner import GreedyPolicy
+from stlbench_agents.training import Counterfactuals
 
 LINE = line(hold=2)
 

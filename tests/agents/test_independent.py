@@ -13,8 +13,7 @@ from stlbench.contract import ActionGrid, Array, Environment, Integers, Policy, 
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method, load_task
-from stlbench_agents.dqn import DQN
-from stlbench_agents.independent import DQNPerRobot, Team
+from stlbench_agents.dqn import DQN, DQNPerRobot, Team
 from stlbench_agents.q_learner import GreedyPolicy
 
 COPIES = 16

@@ -16,16 +16,13 @@ from helpers.line_task import Probe, line
 from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, declared
-from stlbench.registry.docstrings import field_docs
+from stlbench.registry.choices import Choice, declared, field_docs
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.study.cell import Cell
 from stlbench.study.plan import check_cells, plan_cells
 from stlbench.study.trial import run_cell
 from stlbench_agents.dqn import DQN
-from stlbench_agents.sb3_agent import SB3Agent
-from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3
-from stlbench_agents.sb3_dqn import SB3DQN
+from stlbench_agents.sb3 import SB3DQN, SB3PPO, SB3SAC, SB3TD3, SB3Agent
 
 OWN = sorted(name for name, plugin in plugins.available("agents").items() if plugin.distribution == plugins.OWN)
 PAGE = Path(__file__).parents[2] / "docs/reference/agents.md"

@@ -13,10 +13,8 @@ from stlbench.contract import Training
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
-from stlbench_agents.sb3_agent import SB3Agent
+from stlbench_agents.sb3 import SB3DQN, SB3PPO, SB3SAC, SB3TD3, SB3Agent
 from stlbench_agents.sb3_bridge import CopiesVecEnv
-from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3
-from stlbench_agents.sb3_dqn import SB3DQN
 
 SMALL: dict[str, Any] = {"net_arch": (8, 8), "copies": 4, "batch_size": 16}
 FILE: dict[str, Any] = {

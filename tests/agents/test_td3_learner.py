@@ -11,11 +11,10 @@ from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Integers, Unsuitable
-from stlbench_agents.actor_critic import Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.layers import views
 from stlbench_agents.replay import Batch
 from stlbench_agents.td3 import TD3
-from stlbench_agents.td3_learner import TD3Learner
+from stlbench_agents.td3_learner import Noise, TD3Buffers, TD3Learner, actor_gradient, critic_gradient, targets
 
 Floats = NDArray[Any]
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 4.0))

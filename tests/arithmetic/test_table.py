@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.arithmetic.functions import FUNCTIONS
 from stlbench.stl import Call, Signal, StlSyntaxError, parse
+from stlbench.stl.arithmetic.functions import FUNCTIONS
 from stlbench.stl.predicates import compile_sample
 
 VALUES = st.one_of(

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stlbench.arithmetic.windows import slide, until
+from stlbench.stl.arithmetic.folds import slide, until
 
 
 @pytest.mark.parametrize("pick", [np.minimum, np.maximum])

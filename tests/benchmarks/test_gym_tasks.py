@@ -50,7 +50,7 @@ def test_ppo_on_gymnasiums_pendulum(race: Race) -> None:
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    from stlbench_agents.sb3_continuous import SB3PPO
+    from stlbench_agents.sb3 import SB3PPO
 
     task, agent = pendulum(), SB3PPO()
     environment = BatchEnvironment(task, build_method(task, "funnel"), agent.copies, seed=0)

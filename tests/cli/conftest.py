@@ -12,11 +12,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from stlbench.cli import app
-from stlbench.records.outputs import write
+from stlbench.records.result_files import write
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.files import Drawing
 from stlbench.search import outputs
-from stlbench.study import film, filming
+from stlbench.study import film
 
 ENTRIES = """
 [stlbench.methods]
@@ -144,7 +144,7 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     """Write empty files as figures and films, unless a test asks for `drawn`: to draw takes most of the time."""
     if "drawn" not in request.fixturenames:
         monkeypatch.setattr(Drawing, "write", lambda drawing, folder: _placeholders(None, folder, drawing.name))
-        for module in (outputs, filming, trace_figures):
+        for module in (outputs, film, trace_figures):
             monkeypatch.setattr(module, "save", _placeholders)
         monkeypatch.setattr(film, "write", lambda *arguments: write(arguments[4], b"") and "")
 

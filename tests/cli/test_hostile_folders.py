@@ -18,8 +18,8 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
+from stlbench.records.result_files import cell_files
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.study.results import Results

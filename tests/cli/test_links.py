@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.records.ledger import FILE
-from stlbench.records.outputs import LINES, PACKED, cell_files
+from stlbench.records.result_files import LINES, PACKED, cell_files
 from stlbench.study.results import Results
 
 SECRET = "the-key-of-the-user"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, Rule, line
 
-from stlbench.records import npz
+from stlbench.records import array_files
+from stlbench.records.array_files import save_traces
 from stlbench.records.result import MAIN
-from stlbench.records.saved_traces import save
 from stlbench.rollout.referee import Referee
 
 TRACE = "x,y\n0,1\n1,3\n2,-1\n"
@@ -227,7 +227,7 @@ def test_an_npz_of_texts_is_refused(say):
 
 def test_small_files_that_hold_much(say, monkeypatch):
     """Numbers of a byte count as the floats that they become."""
-    monkeypatch.setattr(npz, "LARGEST", 2**22)
+    monkeypatch.setattr(array_files, "LARGEST", 2**22)
     for dtype, count in ((np.int8, 2**20), (np.float64, 2**20), (np.bool_, 2**20)):
         np.savez_compressed("cell.npz", traces=np.zeros((1, count, 1), dtype), signals=np.array(["x"]))
         done = say("monitor", "G x >= 0", "cell.npz")
@@ -284,7 +284,7 @@ def test_what_is_no_trace_of_a_run_is_one_line(say, trace):
 def test_the_traces_that_the_referee_saves_are_read(say):
     task, path = line(), Path("cell.npz")
     assessment = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: np.zeros(len(seen), dtype=int)))
-    save(path, assessment, task.signals)
+    save_traces(path, assessment, task.signals)
     assert judged(say, task.formula, path) == list(assessment.scores[MAIN].robustness)
 
 

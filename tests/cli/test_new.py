@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.registry import plugins
-from stlbench.study.schema import json_schema
+from stlbench.study.study import json_schema
 from stlbench.task import load_task
 from stlbench.testing import check_task
 

@@ -11,13 +11,13 @@ import pytest
 from helpers.synthetic_results import result, score
 
 from stlbench import stl
-from stlbench.cli import advise, evidence, policies, suite, tune, verify
-from stlbench.contract.suite import SuiteScores
+from stlbench.cli import advise, policies, results, run, suite
+from stlbench.contract.task import SuiteScores
 from stlbench.records.identity import CellId
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, to_records
-from stlbench.report.figures.counterexample import worst_table
-from stlbench.rollout.reasons import Loss
+from stlbench.report.figures.margins import worst_table
+from stlbench.rollout.verdicts import Loss
 from stlbench.share.bundle import About
 from stlbench.share.rescored import Bundle, Rescored, bundles_table
 from stlbench.study.tuning import Entrant, Trial
@@ -67,10 +67,10 @@ def test_what_drawn_formulas_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> N
     """Nine formulas with two seeds each: .2 and .4, all alike, so that resamples lie between these two."""
     scores = {"raw": [0.2, 0.4], "funnel": [0.7, 0.8]}
     one_suite = SimpleNamespace(scores=lambda: [SuiteScores("F[0,5] G[0,2] x >= 1", scores)] * 9)
-    monkeypatch.setattr(evidence.plugins, "available", lambda kind: {"made": one_suite})
-    monkeypatch.setattr(evidence.suites, "made", lambda plugin: plugin)
-    drawn = evidence.drawn_evidence(stl.parse("F[0,50] G[0,9] norm(x, y) <= 1"), ("raw", "funnel"))
-    table = evidence.evidence_text(drawn)
+    monkeypatch.setattr(advise.plugins, "available", lambda kind: {"made": one_suite})
+    monkeypatch.setattr(advise.suites, "made", lambda plugin: plugin)
+    drawn = advise.drawn_evidence(stl.parse("F[0,50] G[0,9] norm(x, y) <= 1"), ("raw", "funnel"))
+    table = advise.evidence_text(drawn)
     assert isinstance(table, Table)
     funnel, raw = to_records(table)
     assert [(each["method"], each["formulas"]) for each in (funnel, raw)] == [("funnel", 9), ("raw", 9)]
@@ -84,7 +84,7 @@ def test_trials() -> None:
     trials = [Trial({"gamma": 0.99}, "done", 0.25, -0.5), best, Trial({"gamma": 0.5}, "timeout")]
     entrant = Entrant(Choice("line"), Choice("dqn"), Choice("raw"), {"gamma": (0.9, 0.5)}, {"gamma": 0.99}, trials)
     same = {"task": "line", "agent": "dqn", "method": "raw"}
-    assert to_records(tune._table([entrant])) == [
+    assert to_records(run._table([entrant])) == [
         same
         | {
             **{"trial": 0, "gamma": 0.99, "status": "done"},
@@ -131,7 +131,7 @@ def test_scored_again() -> None:
     cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(2)]
     scored = [Rescored(cells[0], recorded, found), Rescored(cells[1], recorded, None, "it has no policy")]
     checked: Any = SimpleNamespace(problems=(), cells=3, policies=2)
-    text = list(verify._bundle_text(Path("a.zip"), checked, scored))
+    text = list(results._bundle_text(Path("a.zip"), checked, scored))
     assert text[0] == "a.zip: 3 cells, policies of 2: every file as it was packed"
     assert to_records(tables(text)[0]) == [
         {

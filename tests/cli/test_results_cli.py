@@ -15,7 +15,7 @@ from helpers.synthetic_results import result
 import stlbench
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES
+from stlbench.records.result_files import LINES
 
 STUDY = "tasks: toy-line\nmethods: [toy-raw, toy-wrong]\nagents: [toy-agent]\nexecutor: toy-here\nseeds: 1\n"
 

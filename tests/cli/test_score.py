@@ -18,7 +18,7 @@ from helpers.refusals import refused
 from onnx import TensorProto, helper
 
 from stlbench.gate.snapshot import load
-from stlbench.records.lock import writing
+from stlbench.records.result_files import writing
 from stlbench.study.results import Results
 from stlbench.task import load_task
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from stlbench.study.tracks import read_recipes
+from stlbench.study.cell import read_recipes
 
 TUNE = ("tune", "--tasks", "toy-line", "--methods", "toy-raw,toy-large", "--trials", "8", "--executor", "toy-here")
 

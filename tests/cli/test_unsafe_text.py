@@ -18,7 +18,7 @@ from helpers.impossible_rows import IMPOSSIBLE, changed, insert, plain, rich
 from helpers.synthetic_results import plan, result
 
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import csv_text
+from stlbench.records.result_files import csv_text
 from stlbench.report.figures.files import Drawing
 
 EVIL = '=cmd|"/c calc"!A1 \x1b[31m\x07\x9b2J\u202eevil\u2066\u200f\u2028\u0085\ufeffx\r\nsecond line\x00'

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.errors import DiskFull
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.share.checked import check
+from stlbench.share.bundle import check
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
         raise DiskFull("cannot write")
 
-    monkeypatch.setattr("stlbench.records.verify.repair", full)
+    monkeypatch.setattr("stlbench.records.upkeep.repair", full)
     done = say(folder, "--repair")
     assert (done.exit_code, done.stderr) == (74, "error: cannot write\n")
 

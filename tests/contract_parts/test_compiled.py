@@ -272,7 +272,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Specification
 from stlbench_methods.flag import Flag
-from stlbench_methods.windows import F, G, FG
+from stlbench_methods.formula_parts import F, G, FG
 flag = Flag(Specification(stl.parse("G[1,2] x >= 0"), ("x",), (-9.0,), (9.0,), steps=2, dt=1.0))
 x, t = np.array([1.0, 1, -1]).reshape(3, 1, 1), np.zeros(1, dtype=np.int64)
 rewards, _ = flag.along(x, np.zeros((1, 1)), t, flag.initial_memory(x[0], t))

@@ -228,7 +228,7 @@ def test_where_no_scheduler_answers_it_says_so(monkeypatch: pytest.MonkeyPatch) 
 def test_a_user_without_workers_is_told_and_the_first_that_comes_is_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stlbench_executors.dask_run.WARN_SECONDS", 0.1)
+    monkeypatch.setattr("stlbench_executors.dask.WARN_SECONDS", 0.1)
     with cluster(tmp_path / "cluster", workers=0) as made:
         threading.Timer(3.0, made.add_worker).start()
         with pytest.warns(UserWarning, match=rf"waiting for a worker; one is started by `dask worker {made.address} "):

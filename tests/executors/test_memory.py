@@ -6,7 +6,7 @@ import psutil
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from stlbench_executors.memory import Memory, allowed, share, text_of
+from stlbench_executors.item_process import Memory, allowed, share, text_of
 
 read = TypeAdapter(Memory).validate_python
 

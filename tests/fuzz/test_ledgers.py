@@ -13,7 +13,7 @@ from fuzz.inputs import damaged
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE
-from stlbench.records.outputs import LINES
+from stlbench.records.result_files import LINES
 from stlbench.report import condense
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw,toy-large,toy-wrong", "--seeds", 4)
@@ -34,7 +34,7 @@ def good(brief):
     return Path("good")
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
 @sizes(12, 1_000)
 def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, examples):
     (good / LINES).unlink()
@@ -53,7 +53,7 @@ def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, example
     fuzz(examples, damaged((good / FILE).read_bytes(), 3), check)
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
 @sizes(8, 500)
 def test_what_writes_a_ledger_goes_on_or_refuses_it(brief, good, examples):
     def check(data: bytes) -> None:

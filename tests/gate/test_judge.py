@@ -14,7 +14,7 @@ import pytest
 from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, absolute, judge, relative, speed
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId
-from stlbench.records.status import Status
+from stlbench.records.result import Status
 from stlbench.registry.choices import Choice
 
 ROBUSTNESS, SATISFACTION, CPU, REWARD = METRICS

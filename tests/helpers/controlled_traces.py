@@ -7,7 +7,7 @@ from unittest.mock import patch
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.controller import record
+from stlbench.rollout.baselines import record_controller
 from stlbench.task.task import Task
 
 
@@ -26,7 +26,7 @@ def trace(task: Task, states: Array) -> Array:
         return action
 
     with patch.object(task.system, "controller", checked):
-        found = record(task, states)
+        found = record_controller(task, states)
     assert found is not None
     return found.traces
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from helpers.reader import ROOT, stlbench
-from stlbench.records.outputs import LINES, PACKED
+from stlbench.records.result_files import LINES, PACKED
 from stlbench.task import load_task
 
 TITLED = re.compile(r'^```(?:yaml|python|csv) title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)

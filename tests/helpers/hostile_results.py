@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from helpers.synthetic_results import result
-from stlbench.records.outputs import cell_files
+from stlbench.records.array_files import save_samples
 from stlbench.records.result import Result
-from stlbench.records.saved_traces import save_samples
+from stlbench.records.result_files import cell_files
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)> </script> \"'& </td> <b>bold</b>"
 DISTANCES = {"flag": (0.25, 1.5, 0.75), "funnel": (0.125, 0.25, 0.5)}

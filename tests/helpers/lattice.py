@@ -15,8 +15,7 @@ import numpy as np
 from helpers.stepwise import Stepwise, one_step
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, RewardMethod, Specification, StatePolicy, System
-from stlbench_agents.planning.grid import Axis, Grid
-from stlbench_agents.planning.moves import ActionSet
+from stlbench_agents.planning.grid import ActionSet, Axis, Grid
 
 REACH = 9
 """The grid is from -9 to 9: no plan of these tests gets there from near 0."""

@@ -37,14 +37,13 @@ from stlbench.errors import UsageError
 from stlbench.gym import StlVectorEnv
 from stlbench.records.identity import Track
 from stlbench.records.result import Measurement
-from stlbench.registry import choices, folders, plugins, suites
-from stlbench.rollout.early_ends import EarlyEnds, judge, without_end
-from stlbench.rollout.selection import race
+from stlbench.registry import choices, named_tasks, plugins
+from stlbench.rollout.referee import race
+from stlbench.rollout.verdicts import EarlyEnds, judge, without_end
 from stlbench.study import cell
+from stlbench.study.cell import Recipe, Recipes
 from stlbench.study.plan import plan_cells
-from stlbench.study.tracks import Recipe, Recipes
-from stlbench.study.training import Patience
-from stlbench.study.trial import measure
+from stlbench.study.trial import Patience, measure
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.task.file import EarlyEnd
 from stlbench.task.view import FormulaView
@@ -165,7 +164,7 @@ def trained(task: str, method: str, agent: str | None = None, track: Track = "sh
     by = choices.parse_choice(agent or "dqn")
 
     def compute() -> Iterator[bytes]:
-        at, paid_by = folders.parse_task(str(TASKS / task)), choices.parse_choice(method)
+        at, paid_by = named_tasks.parse_task(str(TASKS / task)), choices.parse_choice(method)
         recipes = Recipes({"points": {"dqn": {"raw": Recipe({"gamma": 0.8}, 4)}}}, "here") if track == "tuned" else None
         (planned,) = plan_cells([at], [paid_by], [by], [0], budget, track, recipes)
         on = planned.load_task()
@@ -395,7 +394,7 @@ def rows() -> Iterator[Row]:
 
 def _members(suite: str) -> list[str]:
     """One task of each system."""
-    return [each for each in suites.named(f"{suite}:core") if each.endswith("-reach-stay-1")]
+    return [each for each in named_tasks.named(f"{suite}:core") if each.endswith("-reach-stay-1")]
 
 
 def parts() -> dict[str, int]:

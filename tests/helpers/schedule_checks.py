@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench import stl
-from stlbench.schedules.derive import plans
-from stlbench.schedules.plan import Plan, conjunction
+from stlbench.schedules.plan import Plan, conjunction, plans
 from stlbench.stl import END, Formula, Number, Predicate, Signal, Term
 
 NAMES = ("p", "q", "r", "s")

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from stlbench.records.identity import CellId, Track
-from stlbench.records.result import MAIN, CurvePoint, Measurement, Planned, Result, Score
-from stlbench.records.status import Status
+from stlbench.records.result import MAIN, CurvePoint, Measurement, Planned, Result, Score, Status
 from stlbench.registry.choices import Choice
 from stlbench.rollout.standards import Likeness, Standard
 

@@ -12,10 +12,10 @@ from helpers import pinned_bits
 pytestmark = pytest.mark.long
 ROOT = Path(__file__).parents[2]
 EDITS = {
-    "patience": ("stlbench/study/training.py", "0.01 * abs(self.best)", "0.2 * abs(self.best)", "harness"),
-    "early ends": ("stlbench/rollout/early_ends.py", "np.arange(1.0, left + 1)", "np.arange(0.0, left)", "harness"),
-    "first round": ("stlbench/rollout/selection.py", "_FIRST = 8", "_FIRST = 4", "harness"),
-    "violated": ("stlbench/rollout/early_ends.py", "min(least, 0.0)", "min(least, -1.0)", "harness"),
+    "patience": ("stlbench/study/trial.py", "0.01 * abs(self.best)", "0.2 * abs(self.best)", "harness"),
+    "early ends": ("stlbench/rollout/verdicts.py", "np.arange(1.0, left + 1)", "np.arange(0.0, left)", "harness"),
+    "first round": ("stlbench/rollout/referee.py", "_FIRST = 8", "_FIRST = 4", "harness"),
+    "violated": ("stlbench/rollout/verdicts.py", "min(least, 0.0)", "min(least, -1.0)", "harness"),
     "referee": ("stlbench/rollout/referee.py", "lasted < stl.horizon", "lasted <= stl.horizon", "harness"),
     "hprs ends": (
         "plugins/stlbench_methods/hprs.py",
@@ -31,7 +31,7 @@ EDITS = {
         "agents.dqn",
     ),
     "td3": ("plugins/stlbench_agents/td3_learner.py", "first if last is None else last", "first", "agents.td3"),
-    "task": ("tasks/stlbench_tasks/pendulum/system.py", "0.15, 0.5, 0.05", "0.15, 0.5, 0.06", "tasks.pendulum"),
+    "task": ("tasks/stlbench_tasks/pendulum/__init__.py", "0.15, 0.5, 0.05", "0.15, 0.5, 0.06", "tasks.pendulum"),
 }
 """File, text, other text, and the part whose number has to be raised."""
 

@@ -19,7 +19,7 @@ from helpers.waiting import wait_for
 from long import slurm_cluster
 
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.lock import writer
+from stlbench.records.result_files import writer
 from stlbench.records.upkeep import merge
 from stlbench.study.study import Study
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
-from stlbench_methods.activity import Activity, active_from, active_table, least_active
+from stlbench_methods.formula_parts import Activity, active_from, active_table, least_active
 
 
 def terms(text: str) -> tuple[stl.Term, ...]:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stlbench.contract import Unsuitable
 from stlbench.task import load_task
-from stlbench.task.equal_rewards import equal_payments, payments
+from stlbench.task.build import equal_payments, payments
 from stlbench_methods.funnel import Funnel
 from stlbench_methods.raw import Raw
 

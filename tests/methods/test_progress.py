@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Array, Specification, Unsuitable
+from stlbench_methods.formula_parts import Margins, Truths
 from stlbench_methods.progress import Progress
-from stlbench_methods.values import Margins, Truths
 
 BOX = {"x": (-3.0, 3.0), "y": (-3.0, 3.0)}
 STEPS, ROWS = 14, 6

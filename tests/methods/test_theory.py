@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Array, Integers, Model, RewardMethod, Specification
 from stlbench_agents.planning import sums
-from stlbench_agents.planning.rewards import Limits
+from stlbench_agents.planning.sums import Limits
 from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stlbench import stl
-from stlbench_methods.windows import from_first_read
+from stlbench_methods.formula_parts import from_first_read
 
 
 @pytest.mark.parametrize(

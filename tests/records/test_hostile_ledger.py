@@ -14,11 +14,11 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import lines, npz, saved_traces, schema, stored
+from stlbench.records import array_files, lines, schema, stored
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import cell_files
-from stlbench.records.reader import LedgerWarning
-from stlbench.records.verify import repair, verify
+from stlbench.records.result_files import cell_files
+from stlbench.records.rows import LedgerWarning
+from stlbench.records.upkeep import repair, verify
 from stlbench.study.results import Results
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT * FROM n"
@@ -112,10 +112,10 @@ def test_a_line_that_goes_on_for_ever_is_one_line_of_an_error(tmp_path: Path, mo
 
 
 def test_an_archive_that_unpacks_to_all_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    npz.write(tmp_path / "a.npz", {"traces": np.zeros((1000, 100, 2)), "signals": np.array(["x", "y"])})
-    monkeypatch.setattr(npz, "LARGEST", 2**20)
+    array_files.write_arrays(tmp_path / "a.npz", {"traces": np.zeros((1000, 100, 2)), "signals": np.array(["x", "y"])})
+    monkeypatch.setattr(array_files, "LARGEST", 2**20)
     with pytest.raises(UsageError, match="its arrays would take 1 MiB, at most 1 are read"):
-        saved_traces.read_saved(tmp_path / "a.npz")
+        array_files.read_saved(tmp_path / "a.npz")
 
 
 def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -> None:
@@ -124,7 +124,7 @@ def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -
     with Ledger(ledger, create=False) as opened:
         planned = next(iter(opened.planned()))
     for key in ("0" * 32, planned):  # a cell that was planned was interrupted, and comes to be measured again
-        npz.write(cell_files(ledger.parent, result().id, key).traces, {"a": np.zeros(1)})
+        array_files.write_arrays(cell_files(ledger.parent, result().id, key).traces, {"a": np.zeros(1)})
     found = verify(ledger.parent)
     assert found.strays == ("traces/hold-disc_funnel_dqn_0_000000000000.npz",)
     assert not found.is_whole

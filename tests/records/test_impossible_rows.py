@@ -13,13 +13,13 @@ from helpers.impossible_rows import IMPOSSIBLE, changed, insert, plain, rich, se
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import npz
+from stlbench.records import array_files
+from stlbench.records.array_files import read_cell, read_saved, save_samples
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import cell_files
-from stlbench.records.reader import LedgerWarning
 from stlbench.records.result import from_json, to_json
-from stlbench.records.saved_traces import read_cell, read_saved, save_samples
-from stlbench.records.verify import verify
+from stlbench.records.result_files import cell_files
+from stlbench.records.rows import LedgerWarning
+from stlbench.records.upkeep import verify
 
 
 @pytest.fixture
@@ -152,7 +152,7 @@ def test_traces_of_other_starts_than_the_row_says_are_refused(tmp_path):
 )
 def test_states_that_are_of_no_film_are_refused(tmp_path, extremes, states):
     named = {"traces": np.zeros((8, 3, 1)), "signals": np.array(["x"])}
-    npz.write(tmp_path / "x.npz", {**named, "extremes": np.array(extremes), "states": states})
+    array_files.write_arrays(tmp_path / "x.npz", {**named, "extremes": np.array(extremes), "states": states})
     with pytest.raises(UsageError, match="extremes are numbers of starts"):
         read_saved(tmp_path / "x.npz")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.records.inputs import end_of_log, is_there, names, read, to_read
+from stlbench.records.result_files import end_of_log, is_there, names, read, to_read
 
 
 def bound(path: Path) -> None:
@@ -60,7 +60,7 @@ def test_nor_is_a_file_behind_a_link_to_a_folder(folder: Path) -> None:
 
 
 def test_nor_what_takes_the_place_of_a_file_after_the_look_at_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stlbench.records.inputs.inside", lambda path, *_: path)
+    monkeypatch.setattr("stlbench.records.result_files.inside", lambda path, *_: path)
     os.mkfifo(folder / "pipe")
     (folder / "link").symlink_to(folder.parent / "secret")
     with pytest.raises(UsageError, match="it is no file"):

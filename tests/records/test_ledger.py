@@ -17,9 +17,9 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records.ledger import Ledger
-from stlbench.records.outputs import LINES
+from stlbench.records.result import ACCIDENTS
+from stlbench.records.result_files import LINES
 from stlbench.records.schema import LISTED, OLDEST, VERSION
-from stlbench.records.status import ACCIDENTS
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from helpers.synthetic_results import result
 from stlbench.errors import UsageError
 from stlbench.records import lines, stored
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import LINES, PACKED
-from stlbench.records.reader import LedgerWarning
+from stlbench.records.result_files import LINES, PACKED
+from stlbench.records.rows import LedgerWarning
 from stlbench.records.upkeep import merge, remove
 
 
@@ -162,7 +162,7 @@ def recording(folder, begin):
     return process, os.fdopen(here)
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
 def test_whenever_a_run_is_killed_all_that_was_announced_is_in_the_ledger_and_in_the_lines(tmp_path):
     announced = list[int]()
     for kill in range(12):

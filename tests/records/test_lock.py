@@ -15,13 +15,13 @@ from helpers import scripted_cells
 from stlbench.errors import UsageError
 from stlbench.records import upkeep
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.lock import writing
+from stlbench.records.result_files import writing
 from stlbench.study import run
 
 HOLDS = """
 import sys, time
 from pathlib import Path
-from stlbench.records.lock import writing
+from stlbench.records.result_files import writing
 with writing(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)

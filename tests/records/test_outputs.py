@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stlbench.errors import DiskFull, UsageError
-from stlbench.records.outputs import inside, opened, write
+from stlbench.records.result_files import inside, opened, write
 
 
 def test_text_and_bytes_with_the_folders_above(tmp_path: Path) -> None:

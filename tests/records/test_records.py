@@ -13,10 +13,10 @@ from helpers.synthetic_results import result
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import Ledger
-from stlbench.records.outputs import LINES
-from stlbench.records.reader import LedgerWarning
-from stlbench.records.status import ACCIDENTS
-from stlbench.records.verify import repair, verify
+from stlbench.records.result import ACCIDENTS
+from stlbench.records.result_files import LINES
+from stlbench.records.rows import LedgerWarning
+from stlbench.records.upkeep import repair, verify
 
 COUNT = 14
 

@@ -10,8 +10,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records.result import MAIN, Planned, Score, from_json, to_json
-from stlbench.records.status import ACCIDENTS, accidents_of
+from stlbench.records.result import ACCIDENTS, MAIN, Planned, Score, accidents_of, from_json, to_json
 
 
 def test_json_has_the_parts_of_the_identity_beside_the_rest_as_it_always_had():

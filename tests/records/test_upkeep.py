@@ -13,8 +13,8 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES, cell_files
 from stlbench.records.result import Result
+from stlbench.records.result_files import LINES, cell_files
 from stlbench.records.upkeep import Merged, choose, merge, remove
 from stlbench.report import condense
 from stlbench.study.results import Results

@@ -13,9 +13,8 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES, cell_files
-from stlbench.records.upkeep import merge, remove
-from stlbench.records.verify import repair, verify
+from stlbench.records.result_files import LINES, cell_files
+from stlbench.records.upkeep import merge, remove, repair, verify
 from stlbench.study import run
 
 
@@ -161,7 +160,7 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
 @pytest.mark.parametrize(
     "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
 )

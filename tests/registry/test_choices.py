@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from stlbench.errors import UsageError
-from stlbench.registry.choices import Choice, Parameter, check, declared, parse_choice, parse_choices
-from stlbench.registry.docstrings import field_docs
+from stlbench.registry.choices import Choice, Parameter, check, declared, field_docs, parse_choice, parse_choices
 
 keys = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 values = st.from_regex(r"[A-Za-z0-9._+-]{1,8}", fullmatch=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.registry import folders, plugins
+from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
 
@@ -41,31 +41,31 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pat
     return write
 
 
-def digest(task: folders.FolderTask) -> str:
+def digest(task: named_tasks.FolderTask) -> str:
     return fingerprint(task.entry_point.module)
 
 
 def test_a_path_is_a_task_by_the_folders_name(folder: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     place = folder()
     monkeypatch.chdir(place.parent)
-    listed = folders.parse_tasks("./zz-line[hold=2],hold-disc,./zz-line/")
+    listed = named_tasks.parse_tasks("./zz-line[hold=2],hold-disc,./zz-line/")
     assert listed == (Choice("zz-line", (("hold", "2"),)), Choice("hold-disc"), Choice("zz-line"))
-    assert folders.place_of("zz-line") == place
-    assert folders.place_of("hold-disc") is None
+    assert named_tasks.place_of("zz-line") == place
+    assert named_tasks.place_of("hold-disc") is None
     assert plugins.find("tasks", "zz-line").load().__name__ == "Line"
     monkeypatch.chdir(place)
-    assert folders.parse_task(".") == Choice("zz-line")
+    assert named_tasks.parse_task(".") == Choice("zz-line")
 
 
 def test_its_place_changes_nothing_and_its_files_do(folder: Callable[..., Path]) -> None:
-    first = folders.know(folder("one/zz-line"))
+    first = named_tasks.know(folder("one/zz-line"))
     before = digest(first)
     copy = first.folder.parents[1] / "two" / "zz-line"
     shutil.copytree(first.folder, copy)
     with pytest.raises(UsageError, match=r"two/zz-line: task 'zz-line' in .*one/zz-line has the same name; rename"):
-        folders.know(copy)
+        named_tasks.know(copy)
     shutil.rmtree(first.folder)
-    moved = folders.know(copy)
+    moved = named_tasks.know(copy)
     assert (moved.folder, digest(moved)) == (copy, before)
     with (copy / "dynamics.py").open("a") as file:
         file.write("edited = 1\n")
@@ -74,7 +74,7 @@ def test_its_place_changes_nothing_and_its_files_do(folder: Callable[..., Path])
 
 def test_the_class_that_no_other_class_is_built_on_is_the_system(folder: Callable[..., Path]) -> None:
     text = SYSTEM.replace("class Line(System):", "class Base(System):") + "class Last(Base): pass\n"
-    assert folders.know(folder(system_py=text)).load().__name__ == "Last"
+    assert named_tasks.know(folder(system_py=text)).load().__name__ == "Last"
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_the_class_that_no_other_class_is_built_on_is_the_system(folder: Callabl
 )
 def test_a_file_without_the_one_system_says_what_it_has(folder: Callable[..., Path], text: str, said: str) -> None:
     with pytest.raises(plugins.PluginError, match=f"^task 'zz-line' in .*zz-line.*{said}$"):
-        folders.know(folder(system_py=text)).load()
+        named_tasks.know(folder(system_py=text)).load()
 
 
 @pytest.mark.parametrize(
@@ -103,10 +103,10 @@ def test_a_folder_that_is_no_task_is_refused_in_a_line(
     folder: Callable[..., Path], name: str, changes: dict[str, None], said: str
 ) -> None:
     with pytest.raises(UsageError, match=f"^.*{name}: {said}") as caught:
-        folders.parse_task(f"{folder(name, **changes)}")
+        named_tasks.parse_task(f"{folder(name, **changes)}")
     assert "\n" not in str(caught.value)
 
 
 def test_no_folder_at_all() -> None:
     with pytest.raises(UsageError, match=r"^zz-nowhere: there is no such folder; a task is a folder with task.yaml"):
-        folders.parse_task("./zz-nowhere")
+        named_tasks.parse_task("./zz-nowhere")

@@ -8,7 +8,7 @@ import pytest
 
 from stlbench.contract import System
 from stlbench.errors import UsageError
-from stlbench.registry import folders, plugins, suites
+from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.task import load_task
 from stlbench.testing import check_suite
@@ -17,13 +17,13 @@ NAME = "suite-unicycle-reach-stay-1"
 
 
 def test_a_name_and_an_address_mean_the_same_task() -> None:
-    assert folders.parse_task("suite:unicycle/reach-stay/1") == Choice(NAME) == folders.parse_task(NAME)
+    assert named_tasks.parse_task("suite:unicycle/reach-stay/1") == Choice(NAME) == named_tasks.parse_task(NAME)
     assert load_task("suite:unicycle/reach-stay/1").file == load_task(NAME).file
-    assert folders.parse_task("suite:unicycle/reach-stay/1[hold=1]") == Choice(NAME, (("hold", "1"),))
+    assert named_tasks.parse_task("suite:unicycle/reach-stay/1[hold=1]") == Choice(NAME, (("hold", "1"),))
 
 
 def test_an_address_of_several_tasks() -> None:
-    names = [choice.name for choice in folders.parse_tasks("suite:unicycle/reach-stay,patrol,suite:dev")]
+    names = [choice.name for choice in named_tasks.parse_tasks("suite:unicycle/reach-stay,patrol,suite:dev")]
     assert names[:4] == [f"suite-unicycle-reach-stay-{n}" for n in range(4)]
     assert names[4] == "patrol"
     assert len(names) == len(set(names)) > 50
@@ -54,7 +54,7 @@ def test_it_keeps_the_contract() -> None:
 def test_the_plugin_of_a_task() -> None:
     """It is of the suite's distribution and revision, and is not listed among tasks."""
     plugin = plugins.find("tasks", NAME)
-    assert isinstance(plugin, suites.SuitePlugin)
+    assert isinstance(plugin, named_tasks.SuitePlugin)
     assert plugin.is_own
     assert plugin.revision == 1
     assert issubclass(plugin.load(), System)

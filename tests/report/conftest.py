@@ -9,7 +9,7 @@ from helpers.hostile_results import all_results
 from helpers.pages import write
 from helpers.synthetic_results import by_hand
 
-from stlbench.records import outputs
+from stlbench.records import result_files
 from stlbench.records.result import MAIN
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.files import Drawing
@@ -29,7 +29,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Write empty files as figures, since to write one takes a second."""
 
     def save(figure: object, folder: Path, name: str) -> list[Path]:
-        return [outputs.write(folder / f"{name}.{end}", b"") for end in ("png", "svg", "pdf")]
+        return [result_files.write(folder / f"{name}.{end}", b"") for end in ("png", "svg", "pdf")]
 
     monkeypatch.setattr(Drawing, "write", lambda drawing, folder: save(None, folder, drawing.name))
     monkeypatch.setattr(trace_figures, "save", save)

@@ -15,7 +15,7 @@ from PIL import Image
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
-from stlbench.report import page, page_cells
+from stlbench.report import page
 
 SVG = "data:image/svg+xml;base64,"
 
@@ -102,7 +102,7 @@ def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
 def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(page_cells, "MOST", 4)
+    monkeypatch.setattr(page, "MOST", 4)
     made = [
         result(method, seed, robustness=[0.1 + 0.1 * seed, 0.4]) for method in ("funnel", "raw") for seed in range(5)
     ]

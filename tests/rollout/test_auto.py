@@ -12,9 +12,9 @@ from stlbench.records.identity import Track
 from stlbench.registry.choices import Choice
 from stlbench.rollout.auto import cuts, recipe
 from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.observing import observation_of
+from stlbench.rollout.worlds import observation_of
 from stlbench.stl import holds, parse
-from stlbench.study.tracks import on_track, own_agent_on
+from stlbench.study.cell import on_track, own_agent_on
 from stlbench.task import build_method, load_task
 from stlbench.task.starts import sample
 from stlbench.task.task import agent_for

@@ -13,14 +13,14 @@ from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array, Integers
 from stlbench.records.result import MAIN
-from stlbench.rollout import controller
+from stlbench.rollout import baselines
 from stlbench.rollout.faults import PluginFault
 from stlbench.rollout.referee import Referee
 from stlbench.task.task import Task
 
 
 def trace(task: Task, *states: float) -> list[list[float]]:
-    found = controller.record(task, np.array(states)[:, None])
+    found = baselines.record_controller(task, np.array(states)[:, None])
     assert found is not None
     rows: list[list[float]] = found.traces[..., 0].tolist()
     return rows
@@ -115,12 +115,12 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
         task = steered(lambda state, t: np.where(t[:, None] < 3, 1.0, -1.0), hold=hold, starts=8)
         policy = Rule(lambda seen: np.where(seen[:, 1] < 3, 2, 0))
         report = Referee(task, Probe(task.specification)).assess(policy)
-        assert controller.score(task) == report.scores[MAIN]
-        found = controller.record(task, task.starts.report_and_selection()[0])
+        assert baselines.score_controller(task) == report.scores[MAIN]
+        found = baselines.record_controller(task, task.starts.report_and_selection()[0])
         assert found is not None
         assert np.array_equal(found.traces, report.traces)
 
 
 def test_a_task_without_a_controller() -> None:
-    assert controller.record(line(), np.zeros((2, 1))) is None
-    assert controller.score(line()) is None
+    assert baselines.record_controller(line(), np.zeros((2, 1))) is None
+    assert baselines.score_controller(line()) is None

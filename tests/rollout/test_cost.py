@@ -9,7 +9,7 @@ import pytest
 from helpers.line_task import Probe, line
 
 from stlbench.contract import Actions, Agent, Cost, Intractable, Policy, Training
-from stlbench.rollout.cost import refuse_dear
+from stlbench.study.fitting import refuse_dear
 from stlbench.task import build_agent, build_method, load_task
 
 GIB = 2**30

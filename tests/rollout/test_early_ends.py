@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Event, Specification
 from stlbench.records.result import MAIN, RANDOM
-from stlbench.rollout.early_ends import EarlyEnds, judge, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
-from stlbench.stl.recorded.ranges import value_range
+from stlbench.rollout.verdicts import EarlyEnds, judge, without_end
+from stlbench.stl.recorded.evaluator import value_range
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, line
 
-from stlbench.rollout.environment import BatchEnvironment, Simulator
-from stlbench.rollout.model import ends_of
+from stlbench.rollout.environment import BatchEnvironment, Simulator, ends_of
 
 DOWN, STAY, UP = 0, 1, 2
 """x moves by -.5, 0, .5 a step."""

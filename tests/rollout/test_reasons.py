@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import Array
-from stlbench.rollout.reasons import first_loss, last_step, reason
+from stlbench.rollout.verdicts import first_loss, last_step, reason
 from stlbench.task import load_task
 
 TASK = load_task("hold-disc")

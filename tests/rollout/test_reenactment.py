@@ -12,7 +12,7 @@ from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array, Integers, Policy
 from stlbench.registry.choices import Choice
-from stlbench.rollout.reenactment import Reenactment
+from stlbench.study.policies import Reenactment
 from stlbench.task import build_method
 from stlbench.task.task import Task
 

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from stlbench import stl
 from stlbench.contract import Array, Integers
 from stlbench.records.result import MAIN, RANDOM, Score, Summary, reported
-from stlbench.rollout.reasons import lost_at
 from stlbench.rollout.referee import Referee, record, score
+from stlbench.rollout.verdicts import lost_at
 from stlbench.task import starts
 
 THREE = "G[0,2] x <= 1 & F[0,3] x >= 5 & G[4,6] x <= 3"

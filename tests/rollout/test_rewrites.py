@@ -9,10 +9,10 @@ from helpers.line_task import line
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
+from stlbench.rollout.auto import alternatives, initial_samples, rewrites, scheduled
 from stlbench.rollout.referee import Referee
-from stlbench.rollout.rewrites import alternatives, initial_samples, rewrites, scheduled
-from stlbench.schedules.derive import UnscheduledError
-from stlbench.study.tracks import on_track
+from stlbench.schedules.plan import UnscheduledError
+from stlbench.study.cell import on_track
 from stlbench.task import Task, build_method, load_task
 
 NESTED = {

@@ -12,10 +12,10 @@ from helpers import synthetic_results
 
 from stlbench.contract import Array, Arrays, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError
-from stlbench.records import npz
-from stlbench.records.outputs import cell_files
+from stlbench.records import array_files
+from stlbench.records.array_files import digest, read_policy, save_policies
 from stlbench.records.result import Result, StoredPolicies
-from stlbench.records.saved_policies import digest, read, save
+from stlbench.records.result_files import cell_files
 
 SELECTED = {"weights": np.array([[1.5, -0.0], [np.nan, np.inf]], np.float32), "kind": np.array("additive")}
 FINAL = {"weights": np.zeros((0, 3)), "kind": np.array("joint")}
@@ -41,7 +41,7 @@ def stored(folder: Path, selected: Arrays, final: Arrays) -> Result:
     """A cell with these policies in its file."""
     made = synthetic_results.result()
     made = replace(made, key=hashlib.sha256(made.key.encode()).hexdigest())
-    digests = save(cell_files(folder, made.id, made.key).policies, Kept(selected), Kept(final))
+    digests = save_policies(cell_files(folder, made.id, made.key).policies, Kept(selected), Kept(final))
     assert digests is not None
     assert made.measurement is not None
     return replace(made, measurement=replace(made.measurement, policies=StoredPolicies(*digests, 3)))
@@ -57,8 +57,8 @@ def same(one: Arrays, other: Arrays) -> bool:
 
 def test_what_was_written_is_read_bit_for_bit(tmp_path: Path) -> None:
     result = stored(tmp_path, SELECTED, FINAL)
-    assert same(read(tmp_path, result, "selected"), SELECTED)
-    assert same(read(tmp_path, result, "final"), FINAL)
+    assert same(read_policy(tmp_path, result, "selected"), SELECTED)
+    assert same(read_policy(tmp_path, result, "final"), FINAL)
     (file,) = (tmp_path / "policies").iterdir()
     assert file.name == f"hold-disc_funnel_dqn_0_{result.key[:12]}.npz"
 
@@ -67,18 +67,18 @@ def test_a_selected_policy_that_is_the_final_one_is_there_once(tmp_path: Path) -
     result = stored(tmp_path, SELECTED, dict(SELECTED))
     with np.load(cell_files(tmp_path, result.id, result.key).policies) as file:
         assert sorted(file.files) == ["selected/kind", "selected/weights"]
-    assert same(read(tmp_path, result, "final"), SELECTED)
+    assert same(read_policy(tmp_path, result, "final"), SELECTED)
 
 
 @pytest.mark.parametrize("policy", [Kept(None), OnState()])
 def test_of_policies_that_cannot_be_kept_there_is_no_file(tmp_path: Path, policy: Policy | StatePolicy) -> None:
-    assert save(tmp_path / "a.npz", Kept(SELECTED), policy) is None
+    assert save_policies(tmp_path / "a.npz", Kept(SELECTED), policy) is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_objects_are_no_arrays(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="array 'selected/x' has objects"):
-        save(tmp_path / "a.npz", Kept({"x": np.array([{}])}), Kept(FINAL))
+        save_policies(tmp_path / "a.npz", Kept({"x": np.array([{}])}), Kept(FINAL))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -105,9 +105,9 @@ def test_the_digest_does_not_depend_on_order_or_layout() -> None:
 def test_another_content_than_the_recorded_one_is_refused(tmp_path: Path) -> None:
     result = stored(tmp_path, SELECTED, FINAL)
     stored(tmp_path, SELECTED, SELECTED)
-    assert same(read(tmp_path, result, "selected"), SELECTED)
+    assert same(read_policy(tmp_path, result, "selected"), SELECTED)
     with pytest.raises(UsageError, match="does not have the final policy of hold-disc/funnel/dqn/0: its hash"):
-        read(tmp_path, result, "final")
+        read_policy(tmp_path, result, "final")
 
 
 def test_half_a_file_is_refused(tmp_path: Path) -> None:
@@ -115,25 +115,25 @@ def test_half_a_file_is_refused(tmp_path: Path) -> None:
     path = cell_files(tmp_path, result.id, result.key).policies
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(UsageError, match=r"cannot read .* as policies of stlbench"):
-        read(tmp_path, result, "selected")
+        read_policy(tmp_path, result, "selected")
 
 
 def test_why_there_is_no_policy(tmp_path: Path) -> None:
     done = synthetic_results.result()
     with pytest.raises(UsageError, match="no stored policy: its agent stores none"):
-        read(tmp_path, done, "selected")
+        read_policy(tmp_path, done, "selected")
     failed = synthetic_results.result(status="timeout", reason="no result after 60 s")
     with pytest.raises(UsageError, match="no policy: timeout: no result after 60 s"):
-        read(tmp_path, failed, "selected")
+        read_policy(tmp_path, failed, "selected")
     result = stored(tmp_path, SELECTED, FINAL)
     with pytest.raises(UsageError, match="has no policy at"):
-        read(tmp_path / "elsewhere", result, "selected")
+        read_policy(tmp_path / "elsewhere", result, "selected")
 
 
 def test_a_write_that_fails_leaves_the_file_of_before(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
-    npz.write(path, SELECTED)
+    array_files.write_arrays(path, SELECTED)
     before = path.read_bytes()
     with pytest.raises(TypeError):
-        npz.write(path, {"x": np.array([None])})
+        array_files.write_arrays(path, {"x": np.array([None])})
     assert path.read_bytes() == before

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, Truth
-from stlbench.rollout.selection import Race, race
+from stlbench.rollout.referee import Race, race
 
 
 def raced(satisfied: Array, robustness: Array) -> tuple[Race, list[tuple[list[int], int, int]]]:

@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.rollout import trace_table, trace_text
-from stlbench.rollout.trace_table import TraceTable, read_table
-from stlbench.rollout.trace_times import times_of
+from stlbench.rollout import trace_table
+from stlbench.rollout.trace_table import TraceTable, read_table, times_of
 
 
 def table(path: Path, content: str | bytes) -> TraceTable:
@@ -116,13 +115,13 @@ class TestLimits:
 
     @pytest.mark.parametrize("row", ["1," * 20, '"1\n",' * 7])
     def test_characters_of_a_row(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: str) -> None:
-        monkeypatch.setattr(trace_text, "ROW", 30)
+        monkeypatch.setattr(trace_table, "ROW", 30)
         assert len(table(tmp_path, "a\n" + "1\n" * 40).rows) == 40
         with pytest.raises(UsageError, match="a row has more than 30 characters; is a quotation mark missing"):
             table(tmp_path, "a\n" + row + "\n")
 
     def test_bytes_of_a_file_and_characters_of_its_text(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(trace_text, "LARGEST", 2**15)
+        monkeypatch.setattr(trace_table, "LARGEST", 2**15)
         content = b"x\n" + b"1\n" * 2**15
         for data in (content, gzip.compress(content, mtime=0)):
             with pytest.raises(UsageError, match=r"is too large: at most .* MiB of text are read; leave rows"):

@@ -10,10 +10,9 @@ from helpers import synthetic_results
 from helpers.line_task import Probe, Rule, line
 
 from stlbench.errors import UsageError
-from stlbench.records.outputs import cell_files
-from stlbench.records.saved_traces import read_saved
-from stlbench.rollout.referee import Referee
-from stlbench.rollout.traces import Recording, gather, load
+from stlbench.records.array_files import read_saved
+from stlbench.records.result_files import cell_files
+from stlbench.rollout.referee import Recording, Referee, gather, load
 
 RESULT = synthetic_results.result(task="line")
 TRACES = np.arange(18.0).reshape(2, 9, 1)

@@ -9,9 +9,8 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
 from stlbench.errors import UsageError
-from stlbench.rollout.gymnasium.readers import Reader
-from stlbench.task.gym_signals import Expressions
-from stlbench.task.gym_spaces import entries_of
+from stlbench.rollout.gymnasium.scoring import Reader
+from stlbench.task.gym_spaces import Expressions, entries_of
 
 LINE = Box(-1, 1, (2,), np.float32)
 BOTH = Dict({"arm": LINE, "gripper": Discrete(2), "camera": Box(0, 255, (8, 8, 3), np.uint8)})

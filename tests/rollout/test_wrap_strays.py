@@ -18,7 +18,7 @@ import stlbench
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.rollout.worlds import make_world
-from stlbench.task.gym_joint import JointEnv
+from stlbench.task.gym_make import JointEnv
 
 FORMULA = "G[0,4] x <= 1"
 

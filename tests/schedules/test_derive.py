@@ -8,8 +8,7 @@ from helpers.schedule_checks import NAMES, all_traces, all_values, parsed, shown
 from numpy.typing import NDArray
 
 from stlbench import stl
-from stlbench.schedules.derive import MOST_PLANS, MOST_VISITS, UnscheduledError, plans
-from stlbench.schedules.plan import Plan, conjunction
+from stlbench.schedules.plan import MOST_PLANS, MOST_VISITS, Plan, UnscheduledError, conjunction, plans
 
 
 def _satisfying(plan: Plan, last: int) -> dict[str, NDArray[np.bool_]]:

@@ -10,9 +10,8 @@ import pytest
 from helpers.schedule_checks import keeps, satisfying_trace
 
 from stlbench import stl
-from stlbench.rollout.rewrites import alternatives, initial_samples, units
-from stlbench.schedules.derive import UnscheduledError, plans
-from stlbench.schedules.plan import conjunction
+from stlbench.rollout.auto import alternatives, initial_samples, units
+from stlbench.schedules.plan import UnscheduledError, conjunction, plans
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, pursued, schedules
 from stlbench.schedules.times import Programme

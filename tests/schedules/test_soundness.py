@@ -20,8 +20,7 @@ from helpers.schedule_checks import (
 
 from stlbench import stl
 from stlbench.contract import Array, Truth
-from stlbench.schedules.derive import plans
-from stlbench.schedules.plan import conjunction
+from stlbench.schedules.plan import conjunction, plans
 
 
 def test_random_formulas() -> None:

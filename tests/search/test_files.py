@@ -10,9 +10,8 @@ from helpers.made_subjects import still
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.saved_traces import read_saved
-from stlbench.rollout.trace_table import read_table
-from stlbench.rollout.trace_times import times_of
+from stlbench.records.array_files import read_saved
+from stlbench.rollout.trace_table import read_table, times_of
 from stlbench.search import outputs
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write

@@ -12,13 +12,12 @@ from helpers.made_subjects import still
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.errors import UsageError
-from stlbench.records.saved_traces import read_saved
-from stlbench.report.figures.counterexample import place_of
-from stlbench.search.actor import Actor, of_controller, of_policy
+from stlbench.records.array_files import read_saved
+from stlbench.report.figures.margins import place_of
+from stlbench.search.actor import Actor, Seeds, of_controller, of_policy, space_of
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import write
-from stlbench.search.space import Seeds, space_of
 from stlbench.task import load_task
 
 STEPS = 30

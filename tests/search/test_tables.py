@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from helpers.made_subjects import ending, still
 
-from stlbench.report.tables.formats import to_csv, to_records
+from stlbench.report.tables.table import to_csv, to_records
 from stlbench.search.certify import Certificate, Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import certificates, falsifications

@@ -14,13 +14,12 @@ import pytest
 from helpers import bundles, line_task
 
 from stlbench.errors import UsageError
-from stlbench.records import npz, saved_policies
+from stlbench.records import array_files
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import cell_files
 from stlbench.records.result import TASK_FOLDER
-from stlbench.share import checked
-from stlbench.share.bundle import METADATA
-from stlbench.share.checked import check, results_in, unpacked
+from stlbench.records.result_files import cell_files
+from stlbench.share import bundle as bundle_module
+from stlbench.share.bundle import METADATA, check, results_in, unpacked
 from stlbench.share.rescored import rescore
 
 CELL, LINES = "zz-line/raw/zz-kept/0", "cells.jsonl"
@@ -156,13 +155,13 @@ def test_what_would_fill_the_memory_or_the_disk_is_not_read(bundle, tmp_path, mo
     files = {policy_of(bundle): bomb, "zeros.csv": bytes(2**22)}
     path = bundles.told(bundle, tmp_path / "bomb.zip", files)
     assert path.stat().st_size < 2**15 + bundle.stat().st_size + 2**22
-    monkeypatch.setattr(checked, "LARGEST_POLICIES", 2**20)
-    monkeypatch.setattr(npz, "read", lambda *_: pytest.fail("it was read"))
+    monkeypatch.setattr(bundle_module, "LARGEST_POLICIES", 2**20)
+    monkeypatch.setattr(array_files, "read_arrays", lambda *_: pytest.fail("it was read"))
     assert check(path).problems == (f"{CELL}: its policies would be more than 1 MiB in memory",)
-    monkeypatch.setattr(checked, "LARGEST", 2**20)
+    monkeypatch.setattr(bundle_module, "LARGEST", 2**20)
     with pytest.raises(UsageError, match="more than 1 MiB unpacked"):
         check(path)
-    monkeypatch.setattr(checked, "_LIST", 1000)
+    monkeypatch.setattr(bundle_module, "_LIST", 1000)
     with pytest.raises(UsageError, match="its list of files is"):
         check(bundle)
 
@@ -180,7 +179,7 @@ def test_names_that_steer_a_terminal_are_shown_as_text(bundle, tmp_path) -> None
 
 
 def test_a_worse_policy_under_the_numbers_of_a_better_one_is_found(bundle, tmp_path) -> None:
-    data, digest = compressed(selected_action=2), saved_policies.digest({"action": np.array(2)})
+    data, digest = compressed(selected_action=2), array_files.digest({"action": np.array(2)})
 
     def swapped(result):
         policies = replace(result.measurement.policies, selected=digest, final=digest)

@@ -16,7 +16,7 @@ from stlbench.contract import ActionBox, Policy
 from stlbench.errors import UsageError
 from stlbench.records.observation import KEY, Observation
 from stlbench.share.onnx import load_onnx
-from stlbench_agents.independent import TeamPolicy
+from stlbench_agents.dqn import TeamPolicy
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.q_learner import GreedyPolicy, QNetwork
 

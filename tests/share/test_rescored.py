@@ -9,7 +9,7 @@ from helpers import bundles
 
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Score
-from stlbench.rollout.questions import ask_here
+from stlbench.rollout.faults import ask_here
 from stlbench.share.rescored import Rescored, read_bundles, rescore
 
 

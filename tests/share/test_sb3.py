@@ -20,7 +20,7 @@ from helpers.sb3_models import saved
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
 from stlbench.records.observation import Observation
-from stlbench.share.sb3 import load_sb3
+from stlbench.share.torch_files import load_sb3
 
 GRID = ActionGrid(("v",), ((-1.0, 0.0, 1.0),))
 PAIR = ActionGrid(("v", "w"), ((0.0, 1.0, 2.0), (0.0, 1.0, 2.0, 3.0)))

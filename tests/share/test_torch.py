@@ -14,7 +14,7 @@ import torch
 from stlbench.contract import Policy
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
-from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.baselines import Unpaid
 from stlbench.rollout.referee import Referee
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source

@@ -12,12 +12,11 @@ from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
+from stlbench.records.array_files import Assessment, save_traces
 from stlbench.records.result import MAIN
-from stlbench.records.saved_traces import Assessment, save
 from stlbench.rollout.referee import Referee
 from stlbench.share.scoring import Shown, score
-from stlbench.share.source import find_source
-from stlbench.share.traces import load_traces
+from stlbench.share.source import find_source, load_traces
 from stlbench.task import Task
 
 RULES = ("hold", "violated", "interval")
@@ -36,7 +35,7 @@ def assessed(task: Task) -> Assessment:
 def test_what_the_referee_recorded_gets_the_score_that_it_gave(tmp_path: Path, terminated: str) -> None:
     task, path = ending(terminated), tmp_path / "cell.npz"
     found = assessed(task)
-    save(path, found, task.signals)
+    save_traces(path, found, task.signals)
     scored = score(task, find_source(str(path)), Shown(), 0)
     assert scored.measurement.selected == {MAIN: found.scores[MAIN]}
     assert np.array_equal(scored.traces, found.traces, equal_nan=True)

@@ -22,7 +22,7 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
 from stlbench.registry.choices import Choice
-from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.baselines import Unpaid
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.gymnasium.wrap import StlWrapper
 from stlbench.share.scoring import Shown, score

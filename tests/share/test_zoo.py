@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.records.saved_policies import read
+from stlbench.records.array_files import read_policy
 from stlbench.share.zoo import ZOO, with_policies
 from stlbench.study.results import Results
 
@@ -27,7 +27,7 @@ def test_every_policy_is_the_one_that_was_scored_and_all_are_small() -> None:
     assert len(found) == len(Results.load(ZOO)) >= 36
     for result in found:
         assert result.id.track == "shared"
-        assert all(array.dtype.itemsize <= 32 for array in read(ZOO, result, "selected").values())
+        assert all(array.dtype.itemsize <= 32 for array in read_policy(ZOO, result, "selected").values())
     files = [path for path in ZOO.rglob("*") if path.is_file()]
     assert len(files) == len(found) + 1
     assert sum(path.stat().st_size for path in files) < 2_500_000

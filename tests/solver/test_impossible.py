@@ -6,8 +6,7 @@ import pytest
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.solver.impossible import why_impossible
-from stlbench.solver.problem import Problem, content_of
+from stlbench.solver.problem import Problem, content_of, why_impossible
 
 BOX = {"x": (-1.0, 1.0), "y": (-8.0, 8.0)}
 

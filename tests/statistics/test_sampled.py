@@ -7,8 +7,8 @@ import pytest
 from helpers.studies import load
 from scipy import stats
 
-from stlbench.statistics import sampled
-from stlbench.statistics.critical import Ranking, ranking
+from stlbench.statistics import across
+from stlbench.statistics.across import Ranking, ranking
 
 TASKS = [
     np.array(seeds)
@@ -17,59 +17,61 @@ TASKS = [
 
 
 def test_every_task_has_the_same_weight_however_many_seeds_it_has() -> None:
-    assert sampled.mean([np.array([1.0]), np.array([0.0, 0.0, 0.0])]).value == 0.5
-    assert sampled.difference([np.array([1.0, 0.0])], [np.array([0.25])]).value == 0.25
+    assert across.sample_mean([np.array([1.0]), np.array([0.0, 0.0, 0.0])]).value == 0.5
+    assert across.sample_difference([np.array([1.0, 0.0])], [np.array([0.25])]).value == 0.25
 
 
 def test_fewer_than_eight_tasks_have_no_interval() -> None:
-    assert sampled.mean(TASKS[:7]).interval is None
-    assert sampled.mean(TASKS).interval is not None
+    assert across.sample_mean(TASKS[:7]).interval is None
+    assert across.sample_mean(TASKS).interval is not None
 
 
 def test_the_order_of_seeds_changes_nothing() -> None:
-    assert sampled.mean([seeds[::-1] for seeds in TASKS]) == sampled.mean(TASKS)
+    assert across.sample_mean([seeds[::-1] for seeds in TASKS]) == across.sample_mean(TASKS)
 
 
 def test_tasks_without_scatter_of_seeds_have_an_interval_about_as_wide_as_students() -> None:
     values = np.random.default_rng(0).normal(size=40)
-    ends = sampled.mean([np.full(3, value) for value in values]).interval
+    ends = across.sample_mean([np.full(3, value) for value in values]).interval
     half = stats.t.ppf(0.975, 39) * values.std(ddof=1) / 40**0.5
     assert ends == pytest.approx((values.mean() - half, values.mean() + half), abs=0.1 * half)
 
 
 def test_both_methods_are_drawn_the_same_tasks() -> None:
     """Tasks differ by up to 1, and the methods by .2 on each."""
-    ends = sampled.difference([np.full(2, at + 0.2) for at in range(8)], [np.full(2, float(at)) for at in range(8)])
+    ends = across.sample_difference(
+        [np.full(2, at + 0.2) for at in range(8)], [np.full(2, float(at)) for at in range(8)]
+    )
     assert ends.value == pytest.approx(0.2)
     assert ends.interval == pytest.approx((0.2, 0.2))
 
 
 def test_where_all_seeds_learned_the_interval_is_exact() -> None:
-    assert sampled.share([[True, True]] * 8).interval == pytest.approx((0.025 ** (1 / 8), 1.0))
-    assert sampled.share([[False]] * 8).interval == pytest.approx((0.0, 1 - 0.025 ** (1 / 8)))
+    assert across.sample_share([[True, True]] * 8).interval == pytest.approx((0.025 ** (1 / 8), 1.0))
+    assert across.sample_share([[False]] * 8).interval == pytest.approx((0.0, 1 - 0.025 ** (1 / 8)))
 
 
 def test_the_interval_of_a_share_counts_parts_of_a_success() -> None:
     """Of ten tasks one is learned by one of two seeds: half a success of ten trials, by the beta distribution."""
-    found = sampled.share([[True, False]] + [[False, False]] * 9)
+    found = across.sample_share([[True, False]] + [[False, False]] * 9)
     ends = stats.beta.ppf(0.025, 0.5, 10.5), stats.beta.ppf(0.975, 1.5, 9.5)
     assert found.value == 0.05
     assert found.interval == pytest.approx(ends)
-    assert sampled.share([[True]] * 7).interval is None
+    assert across.sample_share([[True]] * 7).interval is None
 
 
 def test_the_interval_of_a_difference_of_shares_adds_a_task_that_each_method_wins() -> None:
     """Eight tasks, all learned by the first alone; with the two more the mean is .8 and the variance 3.6 / 9."""
-    found = sampled.share_difference([[True, True]] * 8, [[False, False]] * 8)
+    found = across.sample_share_difference([[True, True]] * 8, [[False, False]] * 8)
     low = 0.8 - stats.t.ppf(0.975, 9) * (3.6 / 9 / 10) ** 0.5
     assert found.value == 1.0
     assert found.interval == pytest.approx((low, 1.0))
-    assert sampled.share_difference([[True]] * 7, [[False]] * 7).interval is None
+    assert across.sample_share_difference([[True]] * 7, [[False]] * 7).interval is None
 
 
 def test_the_interval_of_a_difference_of_shares_has_the_difference_in_it() -> None:
     for won in (0, 1, 50, 100, 400):
-        found = sampled.share_difference([[True]] * won + [[False]] * (400 - won), [[False]] * 400)
+        found = across.sample_share_difference([[True]] * won + [[False]] * (400 - won), [[False]] * 400)
         assert found.interval.low <= found.value <= found.interval.high
 
 
@@ -82,7 +84,7 @@ def test_coverage(family: str, tasks: int, least: float, monkeypatch: pytest.Mon
 
     Resamples of tasks cover .26 of the samples of a share of .03, and .41 of those of a difference of .05.
     """
-    monkeypatch.setattr(sampled, "RESAMPLES", 999)
+    monkeypatch.setattr(across, "SAMPLE_RESAMPLES", 999)
     assert load("interval_coverage").drawn_coverage(family, tasks, 1, 400) >= least
 
 

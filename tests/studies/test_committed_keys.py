@@ -12,12 +12,12 @@ from helpers.given import committed_lines
 
 from stlbench.records import stored
 from stlbench.records.identity import IDENTITY, CellId
-from stlbench.records.outputs import LINES
+from stlbench.records.result_files import LINES
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
+from stlbench.study.cell import read_recipes
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import here
-from stlbench.study.tracks import read_recipes
 
 RESULTS = Path(__file__).parents[2] / "results"
 RECIPES = {"survey": RESULTS / "survey-tuning" / "recipes.yaml"}

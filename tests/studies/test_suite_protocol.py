@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from helpers.given import committed_lines
 
-from stlbench.records.outputs import LINES
-from stlbench.registry import plugins, suites
+from stlbench.records.result_files import LINES
+from stlbench.registry import named_tasks, plugins
 
 ROOT = Path(__file__).parents[2]
 REPORTED = {
@@ -25,15 +25,15 @@ REPORTED = {
 """Studies that report, and develop nothing. Their results are in the folder of the same name."""
 TABLES = {"suite-fresh"}
 """Those of which only tables are kept."""
-DEV = set(suites.named("suite:dev"))
+DEV = set(named_tasks.named("suite:dev"))
 _ADDRESS = re.compile(r"\bsuite:[a-z0-9/-]*[a-z0-9]")
 _TASK = re.compile(r"\bsuite-[a-z-]+-[0-9]+\b")
 
 
 def tasks_in(text: str) -> set[str]:
     """The tasks of the suite that a text names, by address or by name."""
-    named = {task for address in _ADDRESS.findall(text) for task in suites.named(address)}
-    return named | {task for task in _TASK.findall(text) if suites.task(task)}
+    named = {task for address in _ADDRESS.findall(text) for task in named_tasks.named(address)}
+    return named | {task for task in _TASK.findall(text) if named_tasks.task(task)}
 
 
 def test_tasks_are_found_by_address_and_by_name() -> None:
@@ -69,7 +69,7 @@ def test_studies_that_report_are_there_and_use_reported_seeds() -> None:
 
 def test_no_recorded_policy_is_above_an_upper_bound() -> None:
     """From the report's starts, which the bound is of; the selected and the final policy of each cell."""
-    suite = suites.made(plugins.find("suites", "suite"))
+    suite = named_tasks.made(plugins.find("suites", "suite"))
     checked = 0
     reported = [folder for folder in RECORDED if folder.name in REPORTED]
     assert {folder.name for folder in reported} >= REPORTED - TABLES
@@ -78,7 +78,7 @@ def test_no_recorded_policy_is_above_an_upper_bound() -> None:
             cell = json.loads(line)
             for policy in ("selected", "final") if cell["measurement"] else ():
                 robustness = cell["measurement"][policy]["formula"]["robustness"]
-                member = suites.task(cell["task"]).member
+                member = named_tasks.task(cell["task"]).member
                 bound = json.loads(suite.task(member).file)["best_known"]["upper_bound"]
                 assert sum(robustness) / len(robustness) <= bound, (cell["task"], cell["method"], policy)
                 checked += 1

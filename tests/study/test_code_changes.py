@@ -9,11 +9,11 @@ from helpers import scripted_cells
 from helpers.scripted_cells import Here
 
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.outputs import cell_files
+from stlbench.records.result_files import cell_files
 from stlbench.registry.fingerprint import code_of
 from stlbench.study import run
 from stlbench.study.cell import Cell
-from stlbench.study.code_changes import key_without_code, run_checked
+from stlbench.study.provenance import key_without_code, run_checked
 
 
 @pytest.fixture

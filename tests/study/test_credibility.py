@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.records.outputs import cell_files
+from stlbench.records.array_files import save_samples
 from stlbench.records.result import MAIN, Measurement, Result
-from stlbench.records.saved_traces import save_samples
+from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import parse_choices
 from stlbench.study import trial
 from stlbench.study.cell import Cell

@@ -13,7 +13,7 @@ from helpers import scripted_cells
 from helpers.scripted_cells import Here
 
 from stlbench.errors import DiskFull, UsageError, unwritable
-from stlbench.records import npz
+from stlbench.records import array_files
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.study import run
 
@@ -61,7 +61,7 @@ def fill(cell, folder):
     if cell.id.seed == 1:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(np, "savez_compressed", full)
-            npz.write(folder / "traces" / "b.npz", {"a": np.zeros(3)})
+            array_files.write_arrays(folder / "traces" / "b.npz", {"a": np.zeros(3)})
     return scripted_cells.run_in(cell, folder)
 
 
@@ -110,7 +110,7 @@ def test_no_half_of_a_file_of_arrays_is_left(tmp_path, monkeypatch):
 
     monkeypatch.setattr(np, "savez_compressed", half)
     with pytest.raises(DiskFull, match="No space"):
-        npz.write(tmp_path / "traces" / "a.npz", {"a": np.zeros(3)})
+        array_files.write_arrays(tmp_path / "traces" / "a.npz", {"a": np.zeros(3)})
     assert list((tmp_path / "traces").iterdir()) == []
 
 

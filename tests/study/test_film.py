@@ -8,9 +8,9 @@ from helpers.line_task import FILE, Line, line
 from PIL import Image
 
 from stlbench.errors import UsageError
-from stlbench.records.saved_traces import Film
+from stlbench.records.array_files import Film
 from stlbench.registry.choices import Choice
-from stlbench.rollout.traces import Recording
+from stlbench.rollout.referee import Recording
 from stlbench.study import film
 from stlbench.task import load_task
 from stlbench.task.task import Task

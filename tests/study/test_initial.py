@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.records import npz
+from stlbench.records import array_files
 from stlbench.registry.choices import parse_choice, parse_choices
 from stlbench.study.cell import Cell
 from stlbench.study.initial import Initial, arrays_of, read
@@ -22,7 +22,7 @@ GRID = (21, 13)  # of hold-disc
 def policy(path: Path, seed: int = 0, grid: tuple[int, ...] = GRID) -> Path:
     """A policy as `solve` stores it."""
     network = QNetwork(5, (8,), grid, "joint")
-    npz.write(path, GreedyPolicy(network, [network.initial(np.random.default_rng(seed))]).arrays())
+    array_files.write_arrays(path, GreedyPolicy(network, [network.initial(np.random.default_rng(seed))]).arrays())
     return path
 
 
@@ -55,7 +55,7 @@ def test_an_option_of_a_study(tmp_path: Path) -> None:
 def test_of_a_cells_two_policies_it_is_the_selected_one(tmp_path: Path) -> None:
     arrays = read(policy(tmp_path / "one.npz"))
     both = {f"selected/{name}": each for name, each in arrays.items()} | {"final/weights": np.zeros(3)}
-    npz.write(tmp_path / "cell.npz", both)
+    array_files.write_arrays(tmp_path / "cell.npz", both)
     assert Initial.of(tmp_path / "cell.npz").digest == Initial.of(tmp_path / "one.npz").digest
 
 
@@ -72,7 +72,7 @@ def test_what_is_no_policy_is_refused_in_a_line(tmp_path: Path) -> None:
     ):
         with pytest.raises(UsageError, match=problem):
             read(tmp_path / name)
-    npz.write(tmp_path / "other.npz", {"numbers": np.zeros(3)})
+    array_files.write_arrays(tmp_path / "other.npz", {"numbers": np.zeros(3)})
     with pytest.raises(UsageError, match=r"other\.npz is no policy of agent dqn$"):
         check_cells([planned(tmp_path / "other.npz")])
 

@@ -15,7 +15,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.margins import bands_of
 from stlbench.report.figures.regions import UNKNOWN, scale_of_task
-from stlbench.rollout.questions import Unanswered, ask_here
+from stlbench.rollout.faults import Unanswered, ask_here
 from stlbench.rollout.standards import at_random, by_hand, payment, standards
 from stlbench.study import plugin_guard
 

@@ -17,11 +17,10 @@ from stlbench.records.result import MAIN, Result, from_json, to_json
 from stlbench.registry.choices import parse_choices
 from stlbench.rollout import referee
 from stlbench.study import trial
-from stlbench.study.cell import Cell
+from stlbench.study.cell import Cell, Recipe
 from stlbench.study.plan import plan_cells
 from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
-from stlbench.study.tracks import Recipe
 
 
 def cell() -> Cell:

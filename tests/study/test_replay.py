@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from helpers import kept_policies
 
-from stlbench.records.outputs import cell_files
+from stlbench.records.array_files import read_saved
 from stlbench.records.result import MAIN, Result
-from stlbench.records.saved_traces import read_saved
+from stlbench.records.result_files import cell_files
 from stlbench.study.policies import Start, parse_start, replay
 
 

@@ -19,8 +19,8 @@ from stlbench.records import stored
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES, cell_files
 from stlbench.records.result import Planned
+from stlbench.records.result_files import LINES, cell_files
 from stlbench.study.results import Results
 
 THIRD = 1 / 3

@@ -10,12 +10,12 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.outputs import LINES
-from stlbench.records.status import ACCIDENTS
+from stlbench.records.result import ACCIDENTS
+from stlbench.records.result_files import LINES
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
-from stlbench.study.code_changes import run_checked
 from stlbench.study.plan import warm
+from stlbench.study.provenance import run_checked
 from stlbench.study.run import build_executor, run_cells
 
 

@@ -11,7 +11,7 @@ import yaml
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.study.schema import json_schema
+from stlbench.study.study import json_schema
 
 jsonschema = pytest.importorskip("jsonschema")
 ROOT = Path(__file__).parents[2]

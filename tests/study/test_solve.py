@@ -9,8 +9,7 @@ import pytest
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.study.plan import check_cells
-from stlbench.study.solve import PlanSetting, default_settings, parse_settings, plan_alignment
+from stlbench.study.plan import PlanSetting, check_cells, default_settings, parse_settings, plan_alignment
 
 GAMMA = (("gamma", "1"),)
 

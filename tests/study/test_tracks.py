@@ -11,9 +11,9 @@ from helpers.line_task import SYSTEM
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.registry.folders import parse_task
+from stlbench.registry.named_tasks import parse_task
+from stlbench.study.cell import Recipe, on_track, read_recipes
 from stlbench.study.plan import check_cells, plan_cells
-from stlbench.study.tracks import Recipe, on_track, read_recipes
 from stlbench.task import load_task
 from stlbench.task.file import OPTIONAL
 

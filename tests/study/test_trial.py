@@ -11,13 +11,13 @@ import pytest
 
 from stlbench import stl
 from stlbench.contract import Array, Integers
-from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Measurement, Result
+from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import parse_choices
 from stlbench.study import trial
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
-from stlbench.study.training import Patience
+from stlbench.study.trial import Patience
 from stlbench.task import build_agent, build_method, load_task
 
 

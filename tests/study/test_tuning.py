@@ -14,9 +14,8 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import CurvePoint, Result
 from stlbench.registry import plugins
-from stlbench.study.cell import Cell
+from stlbench.study.cell import Cell, Recipe
 from stlbench.study.study import Study
-from stlbench.study.tracks import Recipe
 from stlbench.study.tuning import Entrant, entrants, search
 from stlbench.task import load_task
 

@@ -13,9 +13,7 @@ from hypothesis import strategies as st
 from stlbench.contract import Array
 from stlbench.stl import Formula, margin, parse, satisfied
 from stlbench.task.derived import can_fall, derived
-from stlbench.task.forms import regular
-from stlbench.task.scales import scale
-from stlbench.task.windows import windows
+from stlbench.task.forms import regular, scale, windows
 
 BOX = {"x": (-3.0, 3.0), "y": (-3.0, 3.0), "z": (-3.0, 3.0)}
 NAMES = tuple(BOX)

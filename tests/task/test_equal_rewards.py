@@ -11,7 +11,7 @@ from helpers.stepwise import Stepwise
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.task import fitting_methods, load_task
-from stlbench.task.equal_rewards import Difference, equal_payments, payments
+from stlbench.task.build import Difference, equal_payments, payments
 
 SPECIFICATION = specification("G[0,5] x >= 1", {"x": (-2.0, 2.0)}, steps=6)
 

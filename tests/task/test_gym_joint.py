@@ -13,8 +13,7 @@ from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.parallel import parallel_env
 from stlbench.rollout.worlds import make_world
-from stlbench.task.gym_joint import JointEnv
-from stlbench.task.gym_make import made
+from stlbench.task.gym_make import JointEnv, made
 
 
 def test_the_robots_of_formation_are_one_environment() -> None:

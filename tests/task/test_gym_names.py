@@ -5,7 +5,7 @@ from __future__ import annotations
 import gymnasium
 import pytest
 
-from stlbench.task.gym_names import _ALIKE, _OF, names_of
+from stlbench.task.gym_sketch import _ALIKE, _OF, names_of
 
 
 @pytest.mark.parametrize("name", sorted({*_OF, *_ALIKE}))

@@ -19,9 +19,8 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import code_of
 from stlbench.rollout.worlds import make_world
-from stlbench.study.cell import task_part
+from stlbench.study.cell import on_track, task_part
 from stlbench.study.plan import plan_cells
-from stlbench.study.tracks import on_track
 from stlbench.task import gym_make, load_task
 from stlbench.task.gym_spaces import Observed, entries_of
 from stlbench.task.starts import SeedStarts

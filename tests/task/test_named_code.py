@@ -9,7 +9,7 @@ import pytest
 from helpers import strangers
 
 from stlbench.errors import UsageError
-from stlbench.task.named_code import code_of
+from stlbench.task.reading import code_of
 
 
 @pytest.mark.parametrize("kind", strangers.KINDS)

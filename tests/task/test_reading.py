@@ -11,8 +11,7 @@ from helpers.line_task import text
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.task.entry import Region
-from stlbench.task.reading import read, read_task_file
-from stlbench.task.yaml_text import load_yaml
+from stlbench.task.reading import load_yaml, read, read_task_file
 
 
 def errors(**changes: Any) -> list[str]:

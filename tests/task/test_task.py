@@ -16,7 +16,7 @@ from stlbench.registry import plugins
 from stlbench.task import build_agent, load_task
 from stlbench.task.file import OPTIONAL, TaskFile
 from stlbench.task.reading import read_task_file
-from stlbench_agents.independent import DQNPerRobot
+from stlbench_agents.dqn import DQNPerRobot
 
 
 def part_of(file: TaskFile, part: str) -> Any:

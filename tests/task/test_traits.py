@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stlbench import stl
-from stlbench.task.traits import TRAITS, traits
+from stlbench.task.forms import TRAITS, traits
 
 
 @pytest.mark.parametrize(

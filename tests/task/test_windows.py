@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stlbench.stl import Formula, parse
-from stlbench.task.windows import windows, with_parts
+from stlbench.task.forms import windows, with_parts
 
 
 @pytest.mark.parametrize(

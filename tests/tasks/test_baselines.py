@@ -11,7 +11,7 @@ from helpers.studies import load
 
 from stlbench.cli.run import DEFAULTS
 from stlbench.registry import plugins
-from stlbench.rollout import baselines, controller
+from stlbench.rollout import baselines
 from stlbench.task import Task, load_task
 
 ROOT = Path(__file__).parents[2]
@@ -98,7 +98,7 @@ def test_a_bound_by_the_first_sample_is_that_of_the_starts(name: str) -> None:
 def test_what_a_controller_reaches_is_known() -> None:
     for name in ("annulus", "either-or", "formation", "overlap", "pendulum", "reach-stay"):
         task = load_task(name)
-        score = controller.score(task)
+        score = baselines.score_controller(task)
         assert score is not None
         assert task.file.best_known is not None
         assert score.mean <= task.file.best_known.robustness + 1e-5

@@ -8,7 +8,7 @@ import pytest
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.rollout import controller, referee
+from stlbench.rollout import baselines, referee
 from stlbench.rollout.worlds import make_world
 from stlbench.task import build_method, load_task
 
@@ -80,7 +80,7 @@ def test_no_place_is_paid_less_than_a_crash() -> None:
 def test_the_controller_lands_from_nearly_every_start() -> None:
     """Where it is not on the pad it is beside it."""
     begun = TASK.starts.report_and_selection()[1][:16]
-    found = controller.record(TASK, begun)
+    found = baselines.record_controller(TASK, begun)
     assert found is not None
     score = referee.score(TASK, found.traces, lasted=found.lasted)
     assert np.mean(score.satisfied) >= 0.9

@@ -8,7 +8,7 @@ from scipy import stats
 
 from stlbench.contract import Array
 from stlbench.task.starts import _halton
-from stlbench_tasks.random_numbers import _GOLDEN, _mixed, normal
+from stlbench_tasks.noisy_unicycle import _GOLDEN, _mixed, normal
 
 
 def along(seed: float, count: int = 20000, columns: int = 3) -> Array:

@@ -11,8 +11,8 @@ from stlbench.contract import ActionGrid
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout.baselines import constants
+from stlbench.study.cell import on_track, own_agent_on
 from stlbench.study.study import Study
-from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import load_task
 from stlbench.task.file import OPTIONAL
 

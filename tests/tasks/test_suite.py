@@ -14,15 +14,13 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.rollout import baselines, referee
 from stlbench.rollout.auto import automatic
-from stlbench.rollout.controller import replay
+from stlbench.rollout.baselines import replay
 from stlbench.task import Task, fitting_methods, load_task
 from stlbench.task.task import agent_for
 from stlbench_tasks.suite import FormulaSuite, templates
-from stlbench_tasks.suite.about import SuiteSystem
-from stlbench_tasks.suite.formulas import Candidate, fits
-from stlbench_tasks.suite.scene import Cramped, Disc, Draw, Scene
-from stlbench_tasks.suite.systems import SYSTEMS, Arm, Integrator, Pair
-from stlbench_tasks.suite.tiers import TIERS, distance, tier
+from stlbench_tasks.suite.formulas import TIERS, Candidate, distance, fits, tier
+from stlbench_tasks.suite.systems import SYSTEMS, Arm, Integrator, Pair, SuiteSystem
+from stlbench_tasks.suite.templates import Cramped, Disc, Draw, Scene
 
 SUITE = FormulaSuite()
 QUICK = SUITE.splits["quick"]

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from stlbench import stl
 from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench.stl import Term
-from stlbench_agents.planning.grid import Floats, Grid
+from stlbench_agents.planning.grid import ActionSet, Floats, Grid, refuse_beyond, simulated, sweep
 from stlbench_agents.planning.loops import extremes, reach_best
-from stlbench_agents.planning.moves import ActionSet, refuse_beyond, simulated, sweep
 
 Truth = NDArray[np.bool_]
 

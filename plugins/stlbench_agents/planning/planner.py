@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from stlbench.contract import Model, StatePolicy, Training
-from stlbench_agents.compiled_code import CompiledAgent
 from stlbench_agents.planning.grid import AxisRecipe
-from stlbench_agents.recipes import Count, Positive, Share, Whole
+from stlbench_agents.training import CompiledAgent, Count, Positive, Share, Whole
 
 if TYPE_CHECKING:
-    from stlbench_agents.planning.grid import Grid
-    from stlbench_agents.planning.moves import ActionSet
+    from stlbench_agents.planning.grid import ActionSet, Grid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +40,7 @@ class _GridPlanner(CompiledAgent):
         self._prepared(model)
 
     def _prepared(self, model: Model) -> tuple[Grid, ActionSet]:
-        from stlbench_agents.planning.moves import prepare  # imports Numba
+        from stlbench_agents.planning.grid import prepare  # imports Numba
 
         return prepare(model, self.grid, self.resolution, self.actions)
 
@@ -76,7 +74,7 @@ class Planner(_GridPlanner):
 
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
         from stlbench_agents.planning import sums
-        from stlbench_agents.planning.rewards import Limits
+        from stlbench_agents.planning.sums import Limits
 
         return sums.plan(model, grid, actions, self.gamma, Limits(self.memories, self.rounded))
 

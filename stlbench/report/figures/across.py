@@ -1,4 +1,6 @@
-"""Figures over all tasks: aggregates with their intervals, performance profiles, and alignment."""
+"""Figures over all tasks: aggregates with their intervals, performance profiles, alignment, mean ranks (Demsar 2006,
+JMLR 7), and on how many seeds each method learned each task.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +16,11 @@ from matplotlib.figure import Figure
 
 from stlbench.contract import Array
 from stlbench.report.figures import layout
-from stlbench.report.figures.style import (
-    BOUNDS,
-    INK,
-    SINGLE,
-    TRACE,
-    Colours,
-    lines_of,
-    now,
-    pages,
-    styled,
-)
+from stlbench.report.figures.style import BOUNDS, INK, SINGLE, TRACE, Colours, lines_of, now, pages, styled
 from stlbench.report.tables.across import Entry, Field
-from stlbench.report.tables.alignment import Aligned
-from stlbench.statistics.across import Estimate, profile
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.yardsticks import Aligned
+from stlbench.statistics.across import Estimate, profile, ranking
 
 _COARSE = (0.0, 0.5, 0.9, 0.99, 0.999)
 _FINE = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
@@ -219,3 +212,86 @@ def _alignment_keys(cut: bool) -> list[Artist]:
     best = layout.key_of("the best known", color=INK, linewidth=2)
     keys = [best, *reversed(marks), layout.level_key("0: satisfied above")]
     return [*keys, layout.beyond_key("<", "below the axis: numbers in the colour of the mark")] if cut else [*keys]
+
+
+_AROUND_RANKS, _ROW_OF_RANKS = 1.0, 0.2
+"""Inches: around the rows, and of a row."""
+
+
+@styled
+def ranks(field: Field, colours: Colours) -> Figure:
+    """Draw the mean rank of each method, the best on top, and a bar for each set of methods that may be alike.
+
+    All methods fit all tasks of the field.
+    """
+    found = ranking(field.medians)
+    order = sorted(range(len(field.entries)), key=lambda method: found.ranks[method])
+    sets = found.alike
+    figure = layout.figure_of(_AROUND_RANKS + _ROW_OF_RANKS * (len(order) + len(sets) + 1))
+    axes = figure.subplots()
+    for row, method in enumerate(order):
+        name, rank = field.entries[method].method, found.ranks[method]
+        axes.plot([1, rank], [row, row], "-", color="0.85", linewidth=0.8, zorder=1)
+        axes.plot([rank], [row], "o", color=colours[name], markersize=5, zorder=3)
+        axes.annotate(f"{rank:.2f}", (rank, row), (5, 0), textcoords="offset points", va="center", fontsize=now().tiny)
+    for row, members in enumerate(sets, len(order)):
+        ends = [found.ranks[members[0]], found.ranks[members[-1]]]
+        axes.plot(ends, [row, row], "-", color=INK, linewidth=2.5, solid_capstyle="butt")
+    row = len(order) + len(sets)
+    axes.errorbar(1 + found.difference / 2, row, xerr=found.difference / 2, color="0.4", capsize=3, linewidth=1)
+    names = [field.entries[method].method for method in order]
+    axes.set_yticks(range(row + 1), [*names, *["may be alike"] * len(sets), "critical difference"])
+    axes.set_ylim(row + 0.6, -0.6)
+    axes.set_xlim(0.9, max(len(order), 1 + found.difference) + 0.3)
+    axes.set_xticks(range(1, len(order) + 1))
+    axes.set_xlabel("mean rank, 1 is the best")
+    axes.grid(axis="x", alpha=0.3)
+    title = f"Ranks over drawn tasks ({field.name}; budget {field.budget}, track {field.track})"
+    test = f"critical difference by Nemenyi, 5 % for all pairs (Friedman's test: p = {found.chance:.2g})"
+    keys = [
+        layout.key_of("may be alike: no pair is farther apart than the critical difference", color=INK, linewidth=2.5),
+        layout.key_of(test, color="0.4", linewidth=1),
+    ]
+    return layout.finish(figure, title, keys, 2)
+
+
+_ROW_OF_OVERVIEW, _AROUND_OVERVIEW = 0.15, 1.25
+"""Inches: of a row, and around all rows."""
+_PALE, _DARK, _MAP = "0.99", "0.1", "Blues"
+_UNKNOWN = "·"
+
+
+@styled
+def overview(rows: Sequence[tuple[str, Sequence[Group]]], methods: Sequence[str]) -> Figure:
+    """Draw one row for each task, or for each setting of one, and one column for each method.
+
+    An entry has the number of seeds that learned, and their share as its colour.
+
+    Args:
+        rows: name of the task or setting -> its groups, one a method.
+        methods: the columns.
+    """
+    figure = layout.figure_of(_AROUND_OVERVIEW + _ROW_OF_OVERVIEW * len(rows))
+    axes = figure.subplots()
+    shares = np.full((len(rows), len(methods)), np.nan)
+    for row, (_, groups) in enumerate(rows):
+        for group in groups:
+            place = methods.index(str(group.setting.method))
+            learned = sum(group.values("learned"))
+            if group.done:
+                shares[row, place] = learned / group.tried
+            text = f"{learned:g}" if group.done else _UNKNOWN
+            colour = _PALE if shares[row, place] > 0.6 else _DARK
+            axes.text(place, row, text, ha="center", va="center", color=colour, fontsize=now().tiny)
+    axes.imshow(shares, cmap=_MAP, vmin=0, vmax=1.1, aspect="auto")
+    axes.set_xticks(range(len(methods)), methods, rotation=45, ha="left", rotation_mode="anchor", fontsize=now().tiny)
+    axes.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=now().tiny)
+    axes.tick_params(length=0, labeltop=True, labelbottom=False)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    seeds = {group.tried for _, groups in rows for group in groups if group.done}
+    each = f"{min(seeds)}" if len(seeds) == 1 else f"{min(seeds)} to {max(seeds)}" if seeds else "no"
+    keys: list[Artist] = [layout.patch("#08519c", f"seeds that learned the task, of {each}; the colour is their share")]
+    if any(not group.done for _, groups in rows for group in groups):
+        keys.append(layout.key_of(f"{_UNKNOWN} no seed finished", linestyle=""))
+    return layout.finish(figure, "What each method learned", keys, 1)

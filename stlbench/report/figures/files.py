@@ -18,17 +18,16 @@ from typing import TYPE_CHECKING, Any
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.records.inputs import is_there, to_read
-from stlbench.records.outputs import write
+from stlbench.records.result_files import is_there, to_read, write
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
 from stlbench.report.figures.style import Colours, colours_of, fitting, now, pages, rc
 from stlbench.report.tables.across import Field
-from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.sampled import drawn
 from stlbench.report.tables.table import Width
-from stlbench.statistics.sampled import FEWEST
+from stlbench.report.tables.yardsticks import Aligned
+from stlbench.statistics.across import FEWEST
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -170,7 +169,7 @@ def drawings_of_overview(groups: Sequence[Group]) -> list[Drawing]:
         Drawing(
             "overview" + end,
             "On how many seeds each method learned each task; the overview table has the numbers",
-            ("overview", "overview"),
+            ("across", "overview"),
             (page, methods),
         )
         for end, page in pages([*rows.items()], TASKS_PER_FIGURE)
@@ -233,8 +232,8 @@ def _groups(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
     drawings = list[Drawing]()
     for field in drawn(fields):
         kind, own = (field.budget, field.track), {entry.method: colours[entry.method] for entry in field.entries}
-        drawings.append(Drawing(file_name("groups", *kind), label, ("groups", "groups"), (field,)))
-        drawings.append(Drawing(file_name("satisfied", *kind), shares, ("groups", "satisfied"), (field, own)))
+        drawings.append(Drawing(file_name("groups", *kind), label, ("methods", "groups"), (field,)))
+        drawings.append(Drawing(file_name("satisfied", *kind), shares, ("methods", "satisfied"), (field, own)))
     return drawings
 
 
@@ -246,7 +245,7 @@ def _ranks(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
         Drawing(
             file_name("ranks", field.budget, field.track),
             label,
-            ("ranks", "ranks"),
+            ("across", "ranks"),
             (field, {entry.method: colours[entry.method] for entry in field.entries}),
         )
         for field in {(field.budget, field.track): field for field in fitting}.values()

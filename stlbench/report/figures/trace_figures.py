@@ -13,8 +13,8 @@ from stlbench.contract import Array
 from stlbench.contract.presentation import Band
 from stlbench.errors import UsageError
 from stlbench.records.identity import Setting
-from stlbench.records.outputs import TRACES
 from stlbench.records.result import Result
+from stlbench.records.result_files import TRACES
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.files import drawings_of_learning, file_name, save
 from stlbench.report.figures.margins import bands_of, robustness_in_time
@@ -22,10 +22,10 @@ from stlbench.report.figures.methods import METHODS_PER_OVERVIEW, overview
 from stlbench.report.figures.regions import Load, scale_of_task
 from stlbench.report.figures.style import Colours, pages
 from stlbench.report.figures.trajectories import PLANS_PER_FIGURE, TRACES_PER_PANEL, Plan, planned, trajectories
-from stlbench.report.tables.alignment import RECIPE, RESOLUTION, setting_text
 from stlbench.report.tables.rows import Group, Maximised, Row, group, maximised, row, split
-from stlbench.rollout.questions import Ask
-from stlbench.rollout.traces import Recording, gather, load
+from stlbench.report.tables.yardsticks import RECIPE, RESOLUTION, setting_text
+from stlbench.rollout.faults import Ask
+from stlbench.rollout.referee import Recording, gather, load
 from stlbench.task.task import Task
 
 Tell = Callable[[str], None]

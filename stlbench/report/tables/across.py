@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.comparisons import Contest, contests
-from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import Group, Row, unfinished
 from stlbench.report.tables.table import Column, Table, Value
+from stlbench.report.tables.yardsticks import Known
 from stlbench.statistics import across
 from stlbench.statistics.across import Estimate, Runs
 from stlbench.statistics.intervals import Interval

@@ -11,9 +11,8 @@ from typing import Any, Literal, TypeVar
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import OUTSIDE, CellId, Setting
-from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
+from stlbench.records.result import LEARNED, MAIN, NOT_RUN, RANDOM, Measurement, Planned, Result, Status, reported
 from stlbench.records.rows import numbers
-from stlbench.records.status import NOT_RUN, Status
 from stlbench.registry import plugins
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 from stlbench.statistics.intervals import mean, median

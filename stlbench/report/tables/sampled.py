@@ -10,7 +10,7 @@ import numpy as np
 
 from stlbench.report.tables.across import Entry, Field
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.statistics import sampled
+from stlbench.statistics import across
 from stlbench.statistics.across import Estimate, Runs
 from stlbench.statistics.intervals import Interval
 
@@ -85,7 +85,7 @@ _INTERVALS = (
     "Tasks count as a sample of what the suite draws. Intervals at 95 %, each for itself: of shares for a number of "
     "trials (as Clopper and Pearson 1934), of their differences Student's with a task more that each method wins, of "
     "scores a hierarchical bootstrap, which draws tasks and then seeds. This is too narrow where few tasks have "
-    f"another score than most. Groups with fewer than {sampled.FEWEST} tasks have none."
+    f"another score than most. Groups with fewer than {across.FEWEST} tasks have none."
 )
 _Of = Callable[[Line], Reached | None]
 
@@ -124,8 +124,8 @@ def group_lines(field: Field) -> Iterator[Line]:
 
 
 def _reached(entry: Entry, places: Sequence[int]) -> Reached:
-    learned = sampled.share([entry.learned[place] for place in places])
-    return Reached(len(places), learned, sampled.mean(_of(entry.scores, places)))
+    learned = across.sample_share([entry.learned[place] for place in places])
+    return Reached(len(places), learned, across.sample_mean(_of(entry.scores, places)))
 
 
 def groups_table(fields: Iterable[Field]) -> Table:
@@ -166,7 +166,7 @@ def _more(one: Entry, other: Entry, places: Sequence[int]) -> Reached:
     """The lead of the one over the other."""
     learned = ([entry.learned[place] for place in places] for entry in (one, other))
     scores = (_of(entry.scores, places) for entry in (one, other))
-    return Reached(len(places), sampled.share_difference(*learned), sampled.difference(*scores))
+    return Reached(len(places), across.sample_share_difference(*learned), across.sample_difference(*scores))
 
 
 def _fitting(part: Part, *entries: Entry) -> list[int]:

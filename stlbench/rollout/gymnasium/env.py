@@ -18,9 +18,9 @@ from stlbench.contract import ActionGrid, Array, GymTask, Integers
 from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry.choices import choice_of
-from stlbench.rollout.early_ends import EarlyEnds
 from stlbench.rollout.environment import Simulator
-from stlbench.rollout.observing import observation_of
+from stlbench.rollout.verdicts import EarlyEnds
+from stlbench.rollout.worlds import observation_of
 from stlbench.task import Task, build_method, load_task
 
 Single = NDArray[np.float32]

@@ -11,7 +11,7 @@ import numpy as np
 from stlbench.contract import Array, GymTask, Integers, World
 from stlbench.contract.presentation import Pixels
 from stlbench.errors import UsageError
-from stlbench.task.gym_calls import begun, stepped
+from stlbench.task.gym_make import begun, stepped
 from stlbench.task.gym_source import GymSource
 from stlbench.task.gym_spaces import as_action
 

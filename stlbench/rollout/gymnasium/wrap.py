@@ -34,13 +34,11 @@ from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.observation import Observation
 from stlbench.registry.choices import choice_of
-from stlbench.rollout.gymnasium.joined import Observing
-from stlbench.rollout.gymnasium.readers import Reader, SignalsOf
-from stlbench.rollout.gymnasium.scoring import MethodOf, Ranges, Scoring, first_that_fits, specify
+from stlbench.rollout.gymnasium.episodes import Observing
+from stlbench.rollout.gymnasium.scoring import MethodOf, Ranges, Reader, Scoring, SignalsOf, first_that_fits, specify
 from stlbench.rollout.gymnasium.wrappers import StlVectorWrapper, StlWrapper, autoreset_of
 from stlbench.task.file import EarlyEnd
-from stlbench.task.gym_signals import Expressions
-from stlbench.task.gym_spaces import Entries, Names, entries_of
+from stlbench.task.gym_spaces import Entries, Expressions, Names, entries_of
 
 __all__ = ["StlVectorWrapper", "StlWrapper", "wrap"]
 

@@ -14,11 +14,9 @@ from gymnasium.vector.utils import batch_space, iterate
 
 from stlbench.contract import Array, RewardMethod, Specification, Truth
 from stlbench.errors import UsageError
-from stlbench.rollout.gymnasium.episodes import Episodes
-from stlbench.rollout.gymnasium.joined import Observing
-from stlbench.rollout.gymnasium.readers import masked, row_of
-from stlbench.rollout.gymnasium.scoring import Scoring
-from stlbench.task.gym_calls import begun, stepped
+from stlbench.rollout.gymnasium.episodes import Episodes, Observing
+from stlbench.rollout.gymnasium.scoring import Scoring, masked, row_of
+from stlbench.task.gym_make import begun, stepped
 
 Info = dict[str, Any]
 _ALL = np.array([0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Any, ClassVar, Self, TypeAlias
 
-from stlbench.arithmetic.functions import FUNCTIONS
+from stlbench.stl.arithmetic.functions import FUNCTIONS
 from stlbench.stl.errors import FormulaLimitError, Position, shorten
 
 

@@ -26,7 +26,7 @@ from stlbench.stl.language.structure import (
     signals,
 )
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.samples import as_array
+from stlbench.stl.predicates import as_array
 from stlbench.stl.predicates.writer import Reading
 from stlbench.stl.recorded.evaluator import End, Evaluator, Traces, evaluator
 

@@ -1,4 +1,4 @@
-"""Formulas compiled to functions that evaluate many traces at once.
+"""Formulas compiled to functions that evaluate many traces at once, and the values that a formula can have.
 
 An evaluator returns the values at steps lo..hi and evaluates its operands at exactly the steps that it needs, so t = 0
 alone reads only the windows that the formula names. Values are robustness, or signed margins (see `dialect`), whose
@@ -15,13 +15,55 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.arithmetic.windows import Values, slide, until
+from stlbench.stl.arithmetic.folds import Values, slide, until
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
 from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Release, Window
 from stlbench.stl.predicates import compile_arrays, evaluated, margin, without_value
 from stlbench.stl.predicates.writer import Reading
-from stlbench.stl.recorded.ranges import unknown
+
+
+def value_range(formula: Formula, of: Callable[[Predicate], tuple[float, float]]) -> tuple[float, float]:
+    """Sound bounds of the robustness over all traces on which the margin of each predicate is within its bounds `of`.
+
+    A past operator whose interval can lie before step 0 has infinity as one of them.
+    """
+    match formula:
+        case Predicate():
+            return of(formula)
+        case Connective():
+            ranges = (_signed_range(value_range(arg, of), negated) for arg, negated in formula.signed)
+            lows, highs = zip(*ranges, strict=True)
+            pick = min if formula.least else max
+            return pick(lows), pick(highs)
+        case Window(a, _, arg):
+            low, high = value_range(arg, of)
+            if formula.past and a > 0:
+                return (low, math.inf) if formula.least else (-math.inf, high)
+            return low, high
+        case Between(a, _, left, right):
+            guard, goal = value_range(left, of), value_range(right, of)
+            if isinstance(formula, Release):
+                return goal[0], max(goal[1], guard[1])
+            return (-math.inf if formula.past and a > 0 else min(goal[0], guard[0])), goal[1]
+        case _:
+            return math.inf, math.inf
+
+
+def _signed_range(ends: tuple[float, float], negated: bool) -> tuple[float, float]:
+    return (-ends[1], -ends[0]) if negated else ends
+
+
+@lru_cache(maxsize=512)
+def unknown(psi: Formula, names: tuple[str, ...], reading: Reading, worst: bool) -> float:
+    """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
+
+    def bounds(predicate: Predicate) -> tuple[float, float]:
+        constant = compile_arrays(predicate, names, reading)
+        return (-math.inf, math.inf) if callable(constant) else (float(constant), float(constant))
+
+    return value_range(psi, bounds)[0 if worst else 1]
+
 
 #: how a trace that ends before the horizon is read; "interval": its end is unknown, and values are bounds
 End: TypeAlias = Literal["strict", "clip", "interval"]

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.arithmetic.folds import Semantics
+from stlbench.stl.arithmetic.folds import Semantics
 from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside, operands_of
 from stlbench.stl.language.syntax import And, Between, Connective, Formula, Not, Or, Release, Window
 from stlbench.stl.predicates import margin

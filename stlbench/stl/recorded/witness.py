@@ -21,8 +21,7 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Window,
 )
-from stlbench.stl.predicates import margin
-from stlbench.stl.predicates.samples import as_array
+from stlbench.stl.predicates import as_array, margin
 from stlbench.stl.recorded import robustness
 from stlbench.stl.recorded.evaluator import Traces, evaluator
 

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import as_names, check_names, require_formula, signals
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates import compile_arrays, evaluated
-from stlbench.stl.predicates.dialect import SIDE
-from stlbench.stl.predicates.samples import as_array
+from stlbench.stl.predicates import as_array, compile_arrays, evaluated
+from stlbench.stl.predicates.writer import SIDE
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.tree import Ends, Interval, Kit, Leaf, Pointwise, Tree, last_step
 from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding

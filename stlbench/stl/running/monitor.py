@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from stlbench.stl.language.structure import as_names, check_names, require_formula
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.dialect import FLOATS, SIDE, block, functions, indented
-from stlbench.stl.predicates.samples import as_array
+from stlbench.stl.predicates import as_array
+from stlbench.stl.predicates.writer import FLOATS, SIDE, block, functions, indented
 from stlbench.stl.running.nested import one
 from stlbench.stl.running.scalar import Operator, Piece
 from stlbench.stl.running.tree import Joined, Part, Tree, last_step

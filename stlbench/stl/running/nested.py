@@ -12,7 +12,7 @@ from stlbench.stl.language.expressions import Number, Signal
 from stlbench.stl.language.structure import check_names, is_temporal, operands_of, signals
 from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Since, Window
 from stlbench.stl.predicates import Sample
-from stlbench.stl.predicates.dialect import block
+from stlbench.stl.predicates.writer import block
 from stlbench.stl.running.pulling import Term, terms
 from stlbench.stl.running.scalar import Nested, Operator, Piece, Until, value_of
 from stlbench.stl.running.streams import Stream, Streams, UnsupportedError, earliest, latest, rises

@@ -21,7 +21,7 @@ import numpy as np
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates import OfSample, Sample, Written, compile_sample, write_sample
-from stlbench.stl.predicates.dialect import block
+from stlbench.stl.predicates.writer import block
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.tree import Interval, Leaf, Pointwise
 

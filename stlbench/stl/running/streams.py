@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from stlbench.stl.language.structure import is_temporal, negations_inside, operands_of, walk
 from stlbench.stl.language.syntax import END, Between, Connective, Formula, Not, Since, Window
-from stlbench.stl.predicates.dialect import block
+from stlbench.stl.predicates.writer import block
 
 
 class UnsupportedError(Exception):

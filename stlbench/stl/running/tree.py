@@ -24,7 +24,7 @@ from stlbench.stl.language.syntax import (
     Release,
     Window,
 )
-from stlbench.stl.recorded.ranges import unknown
+from stlbench.stl.recorded.evaluator import unknown
 
 #: least and greatest value, as floats or as arrays
 Ends: TypeAlias = tuple[Any, Any]

@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.arithmetic.windows import until
+from stlbench.stl.arithmetic.folds import until
 from stlbench.stl.errors import FormulaLimitError, UndefinedError
 from stlbench.stl.language.structure import (
     first_past,

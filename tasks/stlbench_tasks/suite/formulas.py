@@ -12,11 +12,13 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Integers, Suite, SuiteScores, SuiteTask
-from stlbench_tasks.suite.about import About
-from stlbench_tasks.suite.scene import DT, Draw, Level, Scene
-from stlbench_tasks.suite.systems import SYSTEMS
+from stlbench_tasks.suite.systems import SYSTEMS, About
 from stlbench_tasks.suite.templates import (
+    DT,
     TEMPLATES,
+    Draw,
+    Level,
+    Scene,
     avoid_reach,
     deliver,
     either_or,
@@ -26,7 +28,26 @@ from stlbench_tasks.suite.templates import (
     tube,
     until,
 )
-from stlbench_tasks.suite.tiers import tier
+
+TIERS = {"near": 4.0, "middle": 7.0, "far": float("inf")}
+"""Tier -> the distance below which a task is in it. The numbers part the tasks of the suite into thirds, about."""
+
+
+def distance(facts: Mapping[str, Any]) -> float:
+    """How much more robustness the witness has than the best baseline, in units of the witness's own robustness.
+
+    The baselines are the action zero, the best constant action and random actions. 1 would be a baseline that just
+    satisfies.
+    """
+    witness = facts["robustness"]
+    best = max(score["robustness"] for score in facts["baselines"].values())
+    return float((witness - best) / witness)
+
+
+def tier(facts: Mapping[str, Any]) -> str:
+    """The tier of a task."""
+    return next(name for name, end in TIERS.items() if distance(facts) < end)
+
 
 VERSION = 1
 """A change of what a name means is a suite of another name."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from stlbench.report.figures.across import across_tasks, place, ticks
+from stlbench.report.figures.across import across_tasks, place, ranks, ticks
 from stlbench.report.figures.files import drawings_across
-from stlbench.report.figures.groups import groups, satisfied
-from stlbench.report.figures.ranks import ranks
+from stlbench.report.figures.methods import groups, satisfied
 from stlbench.report.figures.style import COLOURS
 from stlbench.report.tables.across import Entry, Field
 from stlbench.statistics import across

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from stlbench.report.figures.across import alignment
 from stlbench.report.figures.files import drawings_of_alignment
 from stlbench.report.figures.style import fitting
-from stlbench.report.tables.alignment import Aligned
+from stlbench.report.tables.yardsticks import Aligned
 from stlbench.task import load_task
 
 ROWS = (

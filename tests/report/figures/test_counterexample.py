@@ -8,7 +8,7 @@ from helpers.pair_task import pair
 from matplotlib.figure import Figure
 
 from stlbench import stl
-from stlbench.report.figures.counterexample import counterexample
+from stlbench.report.figures.margins import counterexample
 from stlbench.report.figures.style import MARK
 
 TRACE = np.array([0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0])[:, None]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers import synthetic_results
 
-from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN
+from stlbench.records.result_files import cell_files
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.style import colours_of

@@ -10,7 +10,7 @@ from helpers.synthetic_results import alike, result, score
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
-from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.yardsticks import Known
 from stlbench.rollout.standards import Standard
 
 TASKS = ("one", "two", "three", "four")

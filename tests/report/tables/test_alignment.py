@@ -11,9 +11,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
-from stlbench.report.tables.alignment import Aligned, align, alignment_table
-from stlbench.report.tables.controllers import best_known
 from stlbench.report.tables.rows import split
+from stlbench.report.tables.yardsticks import Aligned, align, alignment_table, best_known
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
 

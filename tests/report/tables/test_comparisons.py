@@ -12,7 +12,7 @@ from scipy import stats
 from stlbench.registry.choices import Choice
 from stlbench.report import condense, to_csv
 from stlbench.report.tables.comparisons import advice, compare, comparisons_table
-from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.yardsticks import Known
 from stlbench.rollout.standards import Standard
 
 BEST = {Choice("hold-disc"): 0.4}

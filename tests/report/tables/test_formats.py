@@ -16,9 +16,9 @@ from rich.console import Console
 
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table, condense, show, to_csv, to_latex, to_markdown, to_records, to_screen
-from stlbench.report.tables.controllers import Known
-from stlbench.report.tables.robustness import overview, robustness_table
+from stlbench.report.tables.runs import overview, robustness_table
 from stlbench.report.tables.table import FirstFailed, Learned, Seeds
+from stlbench.report.tables.yardsticks import Known
 from stlbench.statistics.intervals import Interval
 
 OTHER = Choice("a-task-with-a-longer-name")

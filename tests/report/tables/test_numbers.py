@@ -12,13 +12,19 @@ from scipy import stats
 from stlbench.records.result import Score, Summary
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, condense, to_records
-from stlbench.report.page_cells import cells_shown
+from stlbench.report.page import cells_shown
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
-from stlbench.report.tables.alignment import align, alignment_table
-from stlbench.report.tables.cells import cells_table, circumstances, scores_and_cost, scores_table, time_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
-from stlbench.report.tables.controllers import Known, best_known, controllers_table
-from stlbench.report.tables.robustness import overview, robustness_table
+from stlbench.report.tables.runs import (
+    cells_table,
+    circumstances,
+    overview,
+    robustness_table,
+    scores_and_cost,
+    scores_table,
+    time_table,
+)
+from stlbench.report.tables.yardsticks import Known, align, alignment_table, best_known, controllers_table
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
 

@@ -11,10 +11,9 @@ from helpers.synthetic_results import alike, by_hand, plan, result
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report import condense, to_records
-from stlbench.report.tables.cells import circumstances
-from stlbench.report.tables.controllers import Known, best_known
-from stlbench.report.tables.robustness import overview, robustness_table
 from stlbench.report.tables.rows import maximised, split
+from stlbench.report.tables.runs import circumstances, overview, robustness_table
+from stlbench.report.tables.yardsticks import Known, best_known
 from stlbench.rollout.standards import Standard
 
 

@@ -10,8 +10,8 @@ from helpers.synthetic_results import result, score
 from stlbench.registry.choices import Choice
 from stlbench.report import Report, condense
 from stlbench.report.tables.across import fields
-from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.sampled import common, groups_table, pairs_table
+from stlbench.report.tables.yardsticks import Known
 from stlbench.rollout.standards import Standard
 
 TASKS = {f"{system}-{form}": {"system": system, "template": form} for system in ("arm", "car") for form in "abcde"}

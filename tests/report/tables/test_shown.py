@@ -11,15 +11,13 @@ from helpers.synthetic_results import by_hand, measurement, plan, result, score
 
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, condense
-from stlbench.report.page_cells import cells_shown
+from stlbench.report.page import cells_shown
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
-from stlbench.report.tables.alignment import align, alignment_table
-from stlbench.report.tables.cells import circumstances, scores_and_cost, time_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
-from stlbench.report.tables.controllers import Known, controllers_table
-from stlbench.report.tables.robustness import overview, robustness_table
+from stlbench.report.tables.runs import circumstances, overview, robustness_table, scores_and_cost, time_table
 from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import show
+from stlbench.report.tables.yardsticks import Known, align, alignment_table, controllers_table
 from stlbench.rollout.standards import Standard
 from stlbench.search.certify import Certificate, Claim
 from stlbench.search.falsify import How, falsify

@@ -10,9 +10,9 @@ from helpers.generated_formulas import EXPRESSIONS, NAMES, SEEDS, pointwise
 from hypothesis import given
 from numpy.typing import NDArray
 
-from stlbench.arithmetic.intervals import Range
 from stlbench.stl import Expression, Formula, margin, parse
-from stlbench.stl.boxes.enclosure import Enclosure, mean_value_range
+from stlbench.stl.arithmetic.intervals import Range
+from stlbench.stl.boxes import Enclosure, mean_value_range
 
 OPERATIONS = [
     "x + y", "x - y", "x * y", "x / (z + 1)", "x ** 0", "x ** 1", "x ** 2", "x ** 3", "x ** 4", "-x", "x * x",

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
-from stlbench.stl.language.listing import listed
+from stlbench.stl.language.parser import listed
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.stl.language.structure import walk
 from stlbench.stl.predicates import compile_arrays, compile_sample
-from stlbench.stl.predicates.dialect import ARRAYS, FLOATS, Dialect
-from stlbench.stl.predicates.writer import FormulaWriter, Reading
+from stlbench.stl.predicates.writer import ARRAYS, FLOATS, Dialect, FormulaWriter, Reading
 
 
 def _grow(inner: st.SearchStrategy[stl.Expression]) -> st.SearchStrategy[stl.Expression]:

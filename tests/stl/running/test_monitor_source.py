@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench import stl
-from stlbench.stl.predicates.dialect import FLOATS
+from stlbench.stl.predicates.writer import FLOATS
 from stlbench.stl.running import monitor as monitor_source
 from stlbench.stl.running.monitor import source
 from stlbench.stl.running.nested import one

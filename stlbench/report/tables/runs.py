@@ -1,0 +1,364 @@
+"""Tables of trained policies: all methods at a glance, one row for each group, one row for each cell, the numbers of
+one cell, and what training took on which machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
+from functools import partial
+from operator import attrgetter
+
+from stlbench.records.identity import IDENTITY
+from stlbench.records.result import ACCIDENTS, LEARNED, Measurement, Score
+from stlbench.registry.choices import Choice
+from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
+from stlbench.report.tables.rows import SETTING, Group, Numbers, Row, shared_columns
+from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
+from stlbench.report.tables.yardsticks import Known
+from stlbench.statistics.intervals import FEWEST, Interval, mean, mean_interval, median, median_interval, share_interval
+
+_APART = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
+"""The values without a column, or with one of the last."""
+
+
+CELL: Mapping[Column, Callable[[Row], Value]] = {
+    Column("cell", right=False): lambda row: row.id.name,
+    Column("budget", right=False): lambda row: row.id.budget,
+    Column("status", right=False): lambda row: row.status,
+    Column("reason", right=False): lambda row: row.reason or None,
+}
+"""The columns that say which cell a row is, and how it ended."""
+_IDENTITY: Mapping[Column, Callable[[Row], Value]] = {
+    Column(name, right=name == "seed"): lambda row, name=name: row.id.plain[name]  # type: ignore[misc]
+    for name in IDENTITY
+}
+
+
+def cells_table(rows: Iterable[Row], groups: Mapping[str, Mapping[str, str]] | None = None) -> Table:
+    """One row for each cell with its numbers, for other programs. If any was planned, also what its plan says.
+
+    `groups` are those of tasks that a suite drew, such as system and template, by the task's name.
+    """
+    listed, of_tasks = list(rows), groups or {}
+    kinds = dict.fromkeys(kind for row in listed for kind in of_tasks.get(row.id.task.name, ()))
+    of_numbers: dict[Column, Callable[[Numbers], Value]] = {
+        **{Column(each.name): attrgetter(each.name) for each in fields(Numbers) if each.name not in _APART},
+        Column("starts"): lambda each: each.starts,
+        Column("satisfaction 95 % interval", kind=Interval): lambda each: _of_starts(each.satisfaction, each),
+        Column("final_satisfaction 95 % interval", kind=Interval): (
+            lambda each: _of_starts(each.final_satisfaction, each)
+        ),
+        Column("extension"): lambda each: each.extension or None,
+        Column("ended_early"): lambda each: each.ended_early,
+    }
+    if any(row.numbers and row.numbers.planned for row in listed):
+        of_numbers[Column("maximised")] = lambda each: each.planned.maximised if each.planned else None
+        of_numbers[Column("grid_value")] = lambda each: each.planned.value if each.planned else None
+    of_cell = {column: value for column, value in CELL.items() if column.title in ("status", "reason")}
+    drawn = {
+        Column(kind, right=False): lambda row, kind=kind: of_tasks.get(row.id.task.name, {}).get(kind) for kind in kinds
+    }
+    return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **if_done(of_numbers)})
+
+
+def if_done(columns: Mapping[Column, Callable[[Numbers], Value]]) -> dict[Column, Callable[[Row], Value]]:
+    """Columns of cells; a cell without numbers has None."""
+
+    def of_row(value: Callable[[Numbers], Value]) -> Callable[[Row], Value]:
+        return lambda row: None if row.numbers is None else value(row.numbers)
+
+    return {column: of_row(value) for column, value in columns.items()}
+
+
+def percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def _of_starts(share: float, numbers: Numbers) -> Interval | None:
+    """The exact interval of a share of the starts, for this one policy."""
+    return share_interval(round(share * numbers.starts), numbers.starts) if numbers.starts else None
+
+
+def unfinished_table(groups: Iterable[Group]) -> Table:
+    """The cells that ended by accident: raised, out of time, killed."""
+    rows = [row for group in groups for row in group.rows if row.status in ACCIDENTS]
+    return Table.of("Cells without a result", rows, CELL, ("`stlbench run --retry failed` runs them again.",))
+
+
+ENDED_EARLY = (
+    "Ended early: share of the starts whose episode the environment ended before the formula's horizon. The task's "
+    "`terminated` says how such an episode is judged: under `hold` the last sample stays, so an early end can satisfy."
+)
+"""The note on the column of that name."""
+
+
+def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
+    """One row for each protocol and policy, from name -> protocol -> score. A single policy may have an empty name."""
+    early = any(score.ended_early for scores in policies.values() for score in scores.values())
+    columns: dict[Column, Callable[[tuple[str, str, Score]], Value]] = {
+        Column("protocol", right=False): lambda row: row[0],
+        Column("policy", right=False): lambda row: row[1],
+        Column("mean robustness", "mean", digits=3): lambda row: row[2].mean,
+        Column("worst start", digits=3): lambda row: row[2].minimum,
+        Column("satisfied", unit="%", digits=1): lambda row: 100 * row[2].satisfaction,
+        Column("ended early", unit="%", digits=1): lambda row: percent(row[2].ended_early),
+        Column("starts", digits=0): lambda row: row[2].starts,
+        Column("failed first", right=False): (
+            lambda row: "\n".join(f"{formula}: {count}" for formula, count in row[2].first_failed.items()) or None
+        ),
+    }
+    shown = {"policy": any(policies), "ended early": early}
+    columns = {column: value for column, value in columns.items() if shown.get(column.title, True)}
+    protocols = next(iter(policies.values()))
+    rows = [(protocol, name, scores[protocol]) for protocol in protocols for name, scores in policies.items()]
+    return Table.of("Scores", rows, columns, (ENDED_EARLY,) if early else ())
+
+
+def scores_and_cost(measurement: Measurement, *, outside: bool) -> list[Table]:
+    """The tables of one cell. A policy from outside has one score, and no cost."""
+    if outside:
+        return [scores_table({"": measurement.selected})]
+    cost = {
+        "selected at environment step": measurement.selected_steps,
+        "environment steps": measurement.env_steps,
+        "checkpoints": len(measurement.curve),
+        "training CPU [s]": measurement.training_cpu_seconds,
+        "training wall [s]": measurement.training_wall_seconds,
+        "cell CPU [s]": measurement.cpu_seconds,
+        "cell wall [s]": measurement.wall_seconds,
+        "reward [ns/step]": measurement.reward_nanoseconds,
+        "inputs added": measurement.inputs_added,
+    }
+    return [
+        scores_table({"selected": measurement.selected, "final": measurement.final}),
+        Table("Cost", (Column("what", right=False), Column("value")), tuple(cost.items())),
+    ]
+
+
+def time_table(groups: Sequence[Group]) -> Table:
+    columns: dict[Column, Callable[[Group], Value]] = {
+        **SETTING,
+        Column("training wall", "train wall", unit="s", digits=1): lambda group: group.mean("training_wall_seconds"),
+        Column("wall 95 % interval", unit="s", digits=1, kind=Interval, drop=2): _interval_of("training_wall_seconds"),
+        Column("training CPU", "train CPU", unit="s", digits=1): lambda group: group.mean("training_cpu_seconds"),
+        Column("CPU 95 % interval", unit="s", digits=1, kind=Interval, drop=2): _interval_of("training_cpu_seconds"),
+        Column("cell CPU", unit="s", digits=1, drop=5): lambda group: group.mean("cpu_seconds"),
+        Column("env steps", digits=0): lambda group: group.mean("env_steps"),
+        Column("reward", unit="ns/step", digits=1): lambda group: group.mean("reward_nanoseconds"),
+        Column("inputs added", digits=0, drop=3): lambda group: group.mean("inputs_added"),
+        Column("jobs at a time", drop=4): _jobs,
+        Column("remarks", right=False, below=True): lambda group: group.remarks or None,
+    }
+    notes = (
+        "Means over seeds, with t intervals, cut at 0. 'Cell' is training, checkpoints and evaluation.",
+        "Reward: CPU nanoseconds of the method's reward per step and copy, in a batch of 1024.",
+    )
+    return Table.of("Time", groups, columns, notes)
+
+
+def _interval_of(name: str) -> Callable[[Group], Value]:
+    """The interval of the mean, cut at 0: the interval of two seeds is wide."""
+    return lambda group: (ends := mean_interval(group.values(name))) and Interval(max(ends.low, 0.0), ends.high)
+
+
+def _jobs(group: Group) -> str | None:
+    jobs = {row.provenance.get("jobs", "") for row in group.rows if row.numbers}
+    return ", ".join(sorted(jobs - {""})) or None
+
+
+_NO_VERSIONS = {"machine", "jobs", "time", "code", "task_folder", "load"}
+_NO_VERSIONS |= {"training_calibration_seconds", "reward_calibration_seconds"}
+"""Keys of provenance that are no versions of packages."""
+
+
+def circumstances(groups: Sequence[Group]) -> Table:
+    """Machine, versions, code, jobs, days, cells and CPU time: one row each. If cells differ, it has all values."""
+    rows = [row for group in groups for row in group.rows]
+    values: dict[str, set[str]] = {}
+    for row in rows:
+        for name, value in row.provenance.items():
+            values.setdefault(name, set()).add(value)
+    texts = {name: "; ".join(sorted(several)) for name, several in values.items()}
+    parts = (part.partition(" ") for row in rows for part in row.provenance.get("code", "").split(", "))
+    days = sorted({time.partition("T")[0] for time in values.get("time", ())})
+    seconds = sum(row.numbers.cpu_seconds for row in rows if row.numbers)
+    lines = {
+        "machine": texts.get("machine", ""),
+        "versions": ", ".join(f"{name} {texts[name]}" for name in sorted(texts.keys() - _NO_VERSIONS)),
+        "code of stlbench": "; ".join(sorted({version for part, _, version in parts if part == "harness"})),
+        "cells at a time": texts.get("jobs", ""),
+        "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
+        "cells": f"{len(rows)}, {sum(row.numbers is not None for row in rows)} of them with a result",
+        "CPU time": f"{_time(seconds)}, training and evaluation",
+    }
+    columns = (Column("what", right=False), Column("value", right=False))
+    return Table("Circumstances", columns, tuple((name, text) for name, text in lines.items() if text))
+
+
+def _time(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} seconds"
+    return f"{seconds / 60:.1f} minutes" if seconds < 3600 else f"{seconds / 3600:.2f} hours"
+
+
+def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) -> Table:
+    """The median robustness of every method on every task with its interval, and on how many seeds it was learned.
+
+    One row for each task, agent, budget and track of the groups. `advice` are lines for the notes.
+    """
+    rows = contests(groups).values()
+    columns: dict[Column, Callable[[Contest], Value]] = shared_columns(lambda contest: contest[0])
+    if any(standard.by_hand for standard in known.standards.values()):
+        columns[Column("by hand", digits=3)] = lambda contest: known.by_hand(contest[0].setting.task)
+    if known.best:
+        columns[Column("best known", digits=3)] = lambda contest: known.best.get(contest[0].setting.task)
+    for method in sorted({group.setting.method for group in groups}):
+        columns[Column(str(method), digits=3, kind=Learned)] = partial(_learned_by, method, known)
+    columns[Column("cell CPU", unit="s", digits=0, drop=1)] = lambda contest: mean(
+        [numbers.cpu_seconds for group in contest for numbers in group.done]
+    )
+    note = (
+        "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
+        "parentheses the seeds that learned the task, with the selected policy and with the final one: the policy "
+        f"satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
+    )
+    marks = mark_notes(mark(group, contest, known) for contest in rows for group in contest)
+    return Table.of("Overview", rows, columns, (note, *marks, *advice))
+
+
+def _learned_by(method: Choice, known: Known, contest: Contest) -> Value:
+    """The results of a method; how its seeds ended if none finished, and None without any."""
+    group = next((group for group in contest if group.setting.method == method), None)
+    if group is None:
+        return None
+    if not group.done:
+        return ", ".join(sorted({row.status for row in group.rows}))
+    values = group.values("robustness_mean")
+    low, high = median_interval(values) or (None, None)
+    learned, final = sum(group.values("learned")), sum(group.values("final_learned"))
+    return Learned(median(values), low, high, learned, final, group.tried, mark(group, contest, known))
+
+
+MARK = "o"  # of policies that were not trained by stlbench
+
+
+def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Group] = ()) -> Table:
+    """One row for each group of agents that learn, one column for each further protocol.
+
+    `outside` are policies that were not trained here. Their rows follow those of their tasks.
+    """
+    marks = {group.setting: MARK for group in outside}
+    marks |= {group.setting: mark(group, contest, known) for contest in contests(groups).values() for group in contest}
+    rows = sorted([*groups, *outside], key=lambda group: (group.setting.task, group.outside))
+    done = [numbers for group in rows for numbers in group.done]
+    further = sorted({name for numbers in done for name in numbers.further})
+    early = any(numbers.ended_early for numbers in done)
+    columns: dict[Column, Callable[[Group], Value]] = {
+        **SETTING,
+        Column("mark", right=False): lambda group: marks[group.setting] or None,
+        Column("starts", drop=8): _starts,
+        Column("mean robustness", "mean", digits=3, drop=3): lambda group: group.mean("robustness_mean"),
+        Column("median robustness", "median", digits=3): lambda group: group.median("robustness_mean"),
+        Column("median 95 % interval", digits=3, kind=Interval, drop=1): (
+            lambda group: median_interval(group.values("robustness_mean"))
+        ),
+        Column("worst start", digits=3, drop=5): lambda group: min(group.values("robustness_min"), default=None),
+        Column("satisfied", unit="%", digits=1): lambda group: _percent(group.values("satisfaction")),
+        Column("ended early", unit="%", digits=1): lambda group: _percent(group.values("ended_early")),
+        Column("learned"): lambda group: _count(group, "learned"),
+        Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4): (
+            lambda group: _percent_interval(group, "learned")
+        ),
+        Column("share of best known (median, both above 0)", "of best", digits=2, drop=2): (
+            lambda group: known.share(group.setting.task, group.median("robustness_mean"))
+        ),
+        **{
+            Column(name, digits=3, drop=4): lambda group, name=name: mean(  # type: ignore[misc]
+                [numbers.further[name] for numbers in group.done if name in numbers.further]
+            )
+            for name in further
+        },
+        **{column: partial(_unless_outside, value) for column, value in _FINAL.items()},
+        Column("failed first", kind=FirstFailed, right=False, below=True): lambda group: group.first_failed,
+        Column("remarks", right=False, below=True): lambda group: group.remarks or None,
+    }
+    absent = {"mark": not any(marks.values()), "ended early": not early, "of best": not known.best}
+    shown = {column: value for column, value in columns.items() if not absent.get(column.short or column.title)}
+    notes = (*_notes(further, early), *mark_notes(marks.values()), *_outside_notes(outside))
+    return Table.of("Robustness", rows, shown, notes)
+
+
+_FINAL: dict[Column, Callable[[Group], Value]] = {
+    Column("final median robustness", "final median", digits=3, drop=6): (
+        lambda group: group.median("final_robustness_mean")
+    ),
+    Column("final median 95 % interval", digits=3, kind=Interval, drop=7): (
+        lambda group: median_interval(group.values("final_robustness_mean"))
+    ),
+    Column("final satisfied", "final sat.", unit="%", digits=1, drop=6): (
+        lambda group: _percent(group.values("final_satisfaction"))
+    ),
+    Column("final learned", drop=6): lambda group: _count(group, "final_learned"),
+    Column("final learned 95 % interval", unit="%", digits=0, kind=Interval, drop=7): (
+        lambda group: _percent_interval(group, "final_learned")
+    ),
+}
+"""The scores of the policy at the end of training."""
+
+
+def _unless_outside(value: Callable[[Group], Value], group: Group) -> Value:
+    """A policy from outside has no training, and no policy at its end."""
+    return None if group.outside else value(group)
+
+
+def _starts(group: Group) -> Value:
+    """The number of starts behind each number; if seeds differ, all these numbers."""
+    counts = sorted({numbers.starts for numbers in group.done if numbers.starts is not None})
+    return counts[0] if len(counts) == 1 else ", ".join(map(str, counts)) or None
+
+
+def _percent(shares: Sequence[float | None]) -> float | None:
+    return percent(mean([share for share in shares if share is not None]))
+
+
+def _count(group: Group, name: str) -> int | None:
+    return sum(group.values(name)) if group.done else None
+
+
+def _percent_interval(group: Group, name: str) -> Interval | None:
+    """The exact interval of the share of seeds, of all that ran, in percent."""
+    ends = share_interval(sum(group.values(name)), group.tried) if group.done else None
+    return ends and Interval(100 * ends.low, 100 * ends.high)
+
+
+def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
+    notes = [
+        "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
+        "The policy is the checkpoint that did best on other starts; 'final' is the one at the end of training.",
+        "Median: half of the seeds reach it. Its interval goes from one seed to another. It covers the median of all "
+        "seeds also where many fail: in 94 % of cases with 5 seeds, in 95 % or more with others. "
+        f"Fewer than {FEWEST} seeds have none.",
+        f"Learned: seeds whose policy satisfies from at least {100 * LEARNED:.0f} % of the starts, of all that ran, "
+        "with the exact interval of their share.",
+        "Worst start: minimum over starts and seeds. Failed first: what violating starts most often failed first.",
+    ]
+    if early:
+        notes.append(ENDED_EARLY)
+    if further:
+        names = ", ".join(further)
+        notes.append(f"Mean robustness under the task's further protocols (`stlbench show task NAME`): {names}.")
+    return tuple(notes)
+
+
+def _outside_notes(groups: Sequence[Group]) -> Iterator[str]:
+    """The meaning of the mark, and the source of each policy."""
+    if groups:
+        rule = "not trained by stlbench: its budget is unknown. It is in no comparison and in no statistic."
+        yield f"Marked {MARK}: {rule}"
+    for group in groups:
+        sources = []
+        for facts in (row.provenance for row in group.rows):
+            starts = ", from starts of its own" if facts.get("begun_at") == "starts of its own" else ""
+            sources.append(f"{facts.get('source', 'unknown')} (sha256 {facts.get('sha256', 'unknown')[:12]}){starts}")
+        yield f"{group.setting.agent} on {group.setting.task}: {'; '.join(dict.fromkeys(sources))}."
