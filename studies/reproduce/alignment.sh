@@ -26,4 +26,6 @@ stlbench plot build/aligned --methods raw,funnel --tasks robot-nav,pendulum,over
 PYTHONPATH=build/example python studies/returns.py build/aligned build/aligned/returns.csv
 stlbench export build/aligned --format jsonl
 cp -r build/aligned/. results/reference
-cp results/reference/figures/{alignment,planned-robot-nav,across-quick-shared}.png docs/figures/reference/
+for figure in alignment planned-robot-nav across-quick-shared; do
+    cp results/reference/figures/$figure.png docs/figures/reference
+done
