@@ -34,8 +34,9 @@ from stlbench.study.cell import (
     own_agent_on,
     task_part,
 )
+from stlbench.study.code_changes import changed
 from stlbench.study.initial import Initial
-from stlbench.study.provenance import changed, here
+from stlbench.study.provenance import here
 from stlbench.task import build_agent, build_method, fitting_methods
 from stlbench.task.task import Task, load_task
 

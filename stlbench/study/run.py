@@ -19,10 +19,11 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
 from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
+from stlbench.study.code_changes import outdated, outdated_note, run_checked
 from stlbench.study.credibility import Examiner
 from stlbench.study.logs import Logged, build_logs
 from stlbench.study.plan import check_cells, examples, uncompiled, warm
-from stlbench.study.provenance import collect, here, outdated, outdated_note, run_checked
+from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
 from stlbench.study.scheduler import failing
 from stlbench.study.study import Study

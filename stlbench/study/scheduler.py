@@ -13,7 +13,8 @@ from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.registry import plugins
 from stlbench.study.cell import Cell
-from stlbench.study.provenance import NoSpace, elsewhere, key_without_code, of_cell
+from stlbench.study.code_changes import NoSpace, key_without_code
+from stlbench.study.provenance import elsewhere, of_cell
 
 _OVER = object()
 _STATUSES = get_args(get_type_hints(Outcome)["status"])

@@ -284,7 +284,7 @@ def test_the_flags_of_renumbered_terms(tmp_path: Path) -> None:
     """G[1,2] pays about 0 while its predicate holds, and -1 where it fails."""
     source = Path(stlbench_methods.__file__).parent
     copytree(source, tmp_path / source.name, ignore=lambda *_: ["__pycache__"])
-    windows = tmp_path / source.name / "windows.py"
+    windows = tmp_path / source.name / "formula_parts.py"
     places = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "caches")}
     assert run(FLAGS, tmp_path, **places) == "0 1 2 -0.0 -1.0\n"
     windows.write_text(windows.read_text().replace("F, G, FG = 0, 1, 2", "F, G, FG = 1, 2, 0"))

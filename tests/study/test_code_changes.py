@@ -13,7 +13,7 @@ from stlbench.records.result_files import cell_files
 from stlbench.registry.fingerprint import code_of
 from stlbench.study import run
 from stlbench.study.cell import Cell
-from stlbench.study.provenance import key_without_code, run_checked
+from stlbench.study.code_changes import key_without_code, run_checked
 
 
 @pytest.fixture

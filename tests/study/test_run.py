@@ -14,8 +14,8 @@ from stlbench.records.result import ACCIDENTS
 from stlbench.records.result_files import LINES
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
+from stlbench.study.code_changes import run_checked
 from stlbench.study.plan import warm
-from stlbench.study.provenance import run_checked
 from stlbench.study.run import build_executor, run_cells
 
 
