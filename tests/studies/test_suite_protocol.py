@@ -44,7 +44,7 @@ def test_tasks_are_found_by_address_and_by_name() -> None:
 
 
 STUDIES = [path for path in sorted((ROOT / "studies").iterdir()) if path.suffix in (".py", ".yaml", ".sh")]
-RECORDED = sorted({path.parent for path in (ROOT / "results").glob(f"**/{LINES}*")})
+RECORDED = sorted({path.parent for path in (ROOT / "results").glob(f"*/**/{LINES}*")})
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.name)
