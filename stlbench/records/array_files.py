@@ -35,7 +35,7 @@ _NO_ARRAYS = "it is no file of arrays (.npz), or has objects in it"
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays, compressed, in place of the file of before; its folder is made. Whoever reads finds no half a file.
 
-    Raises `TypeError` for an array of objects, and `UsageError` as `outputs.opened`.
+    Raises `TypeError` for an array of objects, and `UsageError` as `result_files.opened`.
     """
     for name, array in arrays.items():
         if array.dtype.hasobject:
@@ -47,7 +47,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def read_arrays(path: Path, prefix: str = "", folder: Path | None = None) -> dict[str, NDArray[Any]]:
     """The arrays of a file whose names begin so. Raises `ValueError`, in a line, if it is damaged or has objects.
 
-    Raises `UsageError` as `inputs.to_read` where it is in a `folder` that the user named, and not the file.
+    Raises `UsageError` as `result_files.to_read` where it is in a `folder` that the user named, and not the file.
     """
     try:
         with path.open("rb") if folder is None else to_read(path, folder) as file:
@@ -203,7 +203,7 @@ def read_cell(results: Path, result: Result) -> SavedTraces:
 def read_saved(path: Path, folder: Path | None = None, read: Collection[str] | None = None) -> SavedTraces:
     """The traces of a file that `stlbench run` wrote; of the signals `read`, or of all, no value is rounded.
 
-    Raises `UsageError` if it is none, and as `npz.read`.
+    Raises `UsageError` if it is none, and as `read_arrays`.
     """
     try:
         arrays = read_arrays(path, folder=folder)

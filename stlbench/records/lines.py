@@ -71,6 +71,7 @@ def entries(path: Path) -> Iterator[Result | Lacking]:
     A line that was cut at the end of the file, as by a kill, is left out with a `LedgerWarning`. Raises `UsageError` if
     any other line is none of a result, or the file cannot be read.
     """
+    # read twice, so that only one result is in memory at a time
     last = {_checked(_cell_of, text, where): where for text, where in _texts(path)}
     counted = set(last.values())
     for text, where in _texts(path, warn=False):
@@ -83,7 +84,7 @@ def entries(path: Path) -> Iterator[Result | Lacking]:
 def append(folder: Path, results: Iterable[Result] = (), removed: Iterable[CellId] = ()) -> None:
     """Write results, and cells that were taken out, at the end of `cells.jsonl`: on disk on return.
 
-    A line that was cut there is taken away first. Raises `UsageError` as `outputs.appended`.
+    A line that was cut there is taken away first. Raises `UsageError` as `result_files.appended`.
     """
     texts = (to_json(_without_path(result)) for result in results)
     with appended(folder / LINES, folder) as file:

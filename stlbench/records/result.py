@@ -174,7 +174,7 @@ class StoredPolicies:
     """The hashes of a cell's stored policies, and what is needed to use them."""
 
     selected: Digest
-    """SHA-256 of the arrays (`saved_policies.digest`), 64 hex digits."""
+    """SHA-256 of the arrays (`array_files.digest`), 64 hex digits."""
     final: Digest
     observation_size: Whole
     """D: numbers in the observations that they act on."""

@@ -72,8 +72,10 @@ def take_over(folder: Path, ledger: Ledger) -> None:
     """
     file = next((folder / name for name in (LINES, PACKED) if (folder / name).is_file()), None)
     if file is not None and ledger.is_empty:
-        results = list(_read_lines(file))
-        ledger.fill({**missing(file), **{result.key: result.id for result in results}}, results)
+        entries = list(lines.entries(file))
+        results = [entry for entry in entries if isinstance(entry, Result)]
+        cells = {entry.key: entry.cell for entry in entries if isinstance(entry, lines.Lacking)}
+        ledger.fill({**cells, **{result.key: result.id for result in results}}, results)
     known = lines.keys(folder)
     lacking = [row for row in ledger.present().values() if row.key not in known]
     lines.append(folder, (result for row in lacking if (result := ledger.read(row)) is not None))

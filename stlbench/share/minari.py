@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from string import Template
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,10 +23,13 @@ from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.faults import Question, plugins_of
 from stlbench.rollout.worlds import observation_of
-from stlbench.share.zoo import CARD, card, with_policies
+from stlbench.share.zoo import with_policies
 from stlbench.study.plugin_guard import ask_one
 from stlbench.study.policies import load_policy
 from stlbench.task import Task
+
+_CARD = "README.md"
+"""The file name under which Hugging Face's hub finds a card of a data set."""
 
 
 class Episode(NamedTuple):
@@ -124,7 +128,8 @@ def _write(folder: Path, group: Sequence[Result], name: str, place: Path) -> Pat
         "signals": ", ".join(task.signals),
         "cells": ", ".join(f"`{result.id.name}`" for result in group),
     }
-    write(place / CARD, card(words))
+    template = Template((Path(__file__).parent / "data.md").read_text(encoding="utf-8"))
+    write(place / _CARD, template.substitute(words))
     return place
 
 

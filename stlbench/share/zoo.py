@@ -1,5 +1,4 @@
-"""The policies that come with stlbench, how one is taken out of a folder of results, and the cards of policies and
-data sets, under the headings of Hugging Face's hub.
+"""The policies that come with stlbench, and how one is taken out of a folder of results.
 
 They are a folder of results like any other: `cells.jsonl` and `policies/`, of which each file has the selected policy
 alone. `studies/zoo.py` writes it.
@@ -7,9 +6,7 @@ alone. `studies/zoo.py` writes it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from string import Template
 
 from stlbench.errors import UsageError
 from stlbench.records.array_files import read_policy
@@ -18,15 +15,6 @@ from stlbench.records.result import Result
 from stlbench.records.result_files import LINES, cell_files, is_there, write
 from stlbench.records.result_files import read as read_file
 from stlbench.study.results import Results
-
-CARD = "README.md"
-"""The file name under which the hub finds a card."""
-
-
-def card(words: Mapping[str, object]) -> str:
-    """The text of a card. Raises `KeyError` where a word of the template is missing."""
-    return Template((Path(__file__).parent / "data.md").read_text(encoding="utf-8")).substitute(words)
-
 
 ZOO = Path(__file__).parent / "zoo"
 

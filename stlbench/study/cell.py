@@ -135,7 +135,7 @@ class Cell:
     folder: Path | None = None  # where its task is, for a task that is a folder
     init: Path | None = None  # the policy whose hash the agent's choice has, from which it starts
     parts: tuple[tuple[str, str], ...] = field(default=(), repr=False)
-    """Name and hash of each part of the key but the track and the seed, as `keys.PARTS` names them."""
+    """Name and hash of each part of the key but the track and the seed, as `PARTS` names them."""
     code: tuple[Code, ...] = field(default=(), repr=False)
     """Of the harness, the task, the method and the agent, as it was when the key was made."""
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
 CODE = "code"
-"""Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`keys.PARTS`)."""
+"""Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`cell.PARTS`)."""
 PACKAGES = ("gymnasium", "mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
 
 

@@ -35,7 +35,7 @@ KEPT = 4.0
 def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array, hold: int = 1) -> Formula:
     """The formula with its predicates on one scale.
 
-    The margin m of a predicate with the near size w (`scales.Scale`) becomes
+    The margin m of a predicate with the near size w (`forms.Scale`) becomes
 
     - of a goal: -c log(1 - m / w) / K where m < 0, with K the largest such logarithm in its window, so that it is from
       -c to 0, and c = .4, or 1 beside invariants; .5 m / best where m >= 0, with `best` the largest margin of all that

@@ -254,7 +254,7 @@ def as_parts(value: Any) -> Any:
 def code_of(home: Path) -> tuple[str, ...]:
     """The code that the folder of a task runs, in a few words each; none where it is data alone.
 
-    Ask it before the folder is known (`folders.know`), where the user did not name that folder as a task. Raises
+    Ask it before the folder is known (`named_tasks.know`), where the user did not name that folder as a task. Raises
     `UsageError` as `file_of`.
     """
     environment = file_of(home).environment
