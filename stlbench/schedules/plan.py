@@ -61,6 +61,27 @@ class Held:
 
 
 @dataclass(frozen=True)
+class _Asked:
+    """`psi` at some step of `low`..`high` and for `stay` steps after it, or at each step where `stay` is None."""
+
+    psi: Formula
+    stay: int | None
+    low: At
+    high: At
+
+    def excludes(self, other: _Asked) -> bool:
+        """Whether one of the two asks for `psi`, and the other for its opposite all that time."""
+        held, event = (self, other) if self.stay is None else (other, self)
+        return (
+            held.stay is None
+            and held.psi == negations_inside(Not(event.psi))
+            and {held.low.variable, held.high.variable} == {event.low.variable, event.high.variable}
+            and len({held.low.variable, held.high.variable}) == 1
+            and held.low.offset <= event.low.offset <= event.high.offset <= held.high.offset
+        )
+
+
+@dataclass(frozen=True)
 class Plan:
     """Events and held conditions that together imply a formula, for all values of variables that keep the rows."""
 
@@ -69,6 +90,8 @@ class Plan:
     """Pairs of an earlier step and a later one, which may be equal."""
     events: tuple[Event, ...] = ()
     held: tuple[Held, ...] = ()
+    asked: frozenset[_Asked] = frozenset()
+    """The events and held conditions so far, with the intervals that the formula gives them."""
 
     def ordered(self, *steps: At) -> Iterator[Plan]:
         """With the steps in this order; nothing where two of them cannot be."""
@@ -93,9 +116,16 @@ class Plan:
 
     def event(self, psi: Formula, stay: int, low: At, high: At) -> Iterator[Plan]:
         """With an event that begins within `low`..`high`."""
-        known = _constant(psi)
-        for plan, begin, end in self.window(low, high) if known is not False else ():
-            yield plan if known else replace(plan, events=(*plan.events, Event(psi, stay, begin, end)))
+        if (known := _constant(psi)) is not None:
+            yield from (plan for plan, _, _ in self.window(low, high) if known)
+            return
+        asked = _Asked(psi, stay, low, high)
+        if asked in self.asked:
+            yield self
+        elif not any(map(asked.excludes, self.asked)):
+            for plan, begin, end in self.window(low, high):
+                events = (*plan.events, Event(psi, stay, begin, end))
+                yield replace(plan, events=events, asked=plan.asked | {asked})
 
     def holding(self, psi: Formula, low: At, high: At) -> Iterator[Plan]:
         """With a condition that is held."""
@@ -103,7 +133,11 @@ class Plan:
             # one that never holds may still be held at no step at all
             yield from [self] if known else self.ordered(high + 1, low)
             return
-        yield replace(self, held=(*self.held, Held(psi, low, high)))
+        asked = _Asked(psi, None, low, high)
+        if asked in self.asked:
+            yield self
+        elif not any(map(asked.excludes, self.asked)):
+            yield replace(self, held=(*self.held, Held(psi, low, high)), asked=self.asked | {asked})
 
     def terms(self, values: Sequence[int]) -> tuple[Term, ...]:
         """The terms of eq. 2 with the values of the variables, by their ends; those of no sample are left out."""

@@ -138,3 +138,28 @@ def test_many_visits_are_left_out() -> None:
     assert plans(parsed("G[0,985] F[0,15] p"), 1000) == ()
     visits = {len(plan.events) for plan in plans(parsed("G[0,189] F[0,15] p"), 204)}
     assert max(visits) == MOST_VISITS
+
+
+def test_alternatives_that_contradict_themselves_are_left_out() -> None:
+    """`xor` repeats its operands: of six goals, an odd number is reached, and the others are not, in 32 ways."""
+    text = " xor ".join(f"F[0,9] s{i} >= 0" for i in range(6))
+    found = plans(stl.parse(text), 9)
+    reached = {frozenset(str(event.psi) for event in plan.events) for plan in found}
+    assert len(found) == len(reached) == 32
+    assert all(len(plan.events) % 2 == 1 and len(plan.events) + len(plan.held) == 6 for plan in found)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("F[0,9] p & F[0,9] p", 1),  # the same again
+        ("F[0,9] p & F[0,8] p", 2),
+        ("F[1,8] p & G[0,9] !p", 0),
+        ("G[0,9] !p & F[0,9] p", 0),
+        ("F[0,9] p & G[0,8] !p", 1),  # step 9 is left
+        ("F[0,6] G[0,3] p & G[0,9] !p", 0),
+    ],
+)
+def test_what_was_asked_for_before_is_not_asked_for_again(text: str, expected: int) -> None:
+    """The events of the only alternative; 0 where there is none."""
+    assert [len(plan.events) for plan in plans(parsed(text), 9)] == ([expected] if expected else [])
