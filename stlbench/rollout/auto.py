@@ -27,7 +27,7 @@ from stlbench.stl import Always, Eventually, Formula, fragment
 from stlbench.stl.language.structure import walk
 from stlbench.task.derived import can_fall, derived
 from stlbench.task.entry import Region
-from stlbench.task.file import Budget, Ending, Exploring, TaskFile, TrainingEpisodes
+from stlbench.task.file import LOST, Budget, Ending, Exploring, TaskFile, TrainingEpisodes
 from stlbench.task.forms import Window, regular, windows
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
@@ -297,13 +297,19 @@ def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
 
 
 def _ends(task: Task) -> tuple[Ending, ...]:
-    """Training episodes of a robot that can fall end where a signal that a long invariant reads leaves its range.
+    """The conditions that end training episodes early, which pays the floor.
 
-    A long invariant is one of half of the task or more. Another robot, as one that leaves a room, comes back: a
-    punishment would keep it from goals near the walls.
+    A robot that can fall: where a signal that a long invariant reads leaves its range. A long invariant is one of half
+    of the task or more. Another robot, as one that leaves a room, comes back: a punishment would keep it from goals
+    near the walls.
+
+    An environment that ends episodes: where that violates with the last sample held. Otherwise a pole that falls
+    towards its goal is paid for its place to the end.
     """
     file = task.file
-    if not isinstance(task.dynamics, System) or not can_fall(file.followed, file.box):
+    if not isinstance(task.dynamics, System):
+        return (Ending.model_validate({"where": LOST}),) if file.terminated == "hold" else ()
+    if not can_fall(file.followed, file.box):
         return ()
     long = [window for window in windows(file.followed) if window.invariant and 2 * window.end >= file.steps]
     names = [name for name in task.signals if any(name in stl.signals(window.psi) for window in long)]

@@ -20,7 +20,7 @@ from stlbench.rollout.verdicts import EarlyEnds
 from stlbench.rollout.worlds import Moment, make_world, scaled_times, time_and_inputs
 from stlbench.stl import Formula
 from stlbench.task.entry import Region
-from stlbench.task.file import Near
+from stlbench.task.file import LOST, VIOLATION, Near
 from stlbench.task.starts import sampled_states
 from stlbench.task.task import Task
 
@@ -92,8 +92,7 @@ def _ends(task: Task, reward: float) -> Iterator[End]:
     for ending in task.file.training.ends:
         if isinstance(ending.where, stl.Formula):
             yield End(specification.holds(ending.where), np.ones_like(t, dtype=np.bool_), reward)
-            continue
-        for term in specification.terms:
+        for term in specification.terms if ending.where == VIOLATION else ():
             if term.kind == "G":
                 active = (term.start <= t) & (t <= term.end)
                 yield End(specification.holds(stl.Not(term.psi)), active, reward)
@@ -217,6 +216,30 @@ class _Taken(NamedTuple):
     fate: _Fate
 
 
+class _Past:
+    """The samples of N episodes so far, from step 0 on, by which an episode is lost."""
+
+    def __init__(self, task: Task, count: int) -> None:
+        self._formula, self._names = task.formula, task.signals
+        self._samples: Array = np.empty((count, task.file.steps + 1, len(task.signals)))
+
+    def begin(self, rows: Integers | slice, signals: Array) -> None:
+        """Episodes begin in rows (r,), with signals (r, k)."""
+        self._samples[rows, 0] = signals
+
+    def add(self, samples: Array, t: Integers) -> None:
+        """Samples (N, h, k), the last of which are at steps t (N,)."""
+        at = t[:, None] + np.arange(1 - samples.shape[1], 1)
+        self._samples[np.arange(len(t))[:, None], at] = samples
+
+    def lost(self, ended: Truth, t: Integers) -> Truth:
+        """Of the copies (N,) that ended at steps t (N,), those (N,) that violate with the last sample held."""
+        lost, rows = ended.copy(), np.flatnonzero(ended)
+        held = np.minimum(np.arange(self._samples.shape[1]), t[rows, None])
+        lost[rows] = ~stl.satisfied(self._formula, self._samples[rows[:, None], held], self._names)
+        return lost
+
+
 class BatchEnvironment:
     """N copies that restart by themselves (`contract.Environment`), by the rules of `TaskFile.training`."""
 
@@ -231,6 +254,8 @@ class BatchEnvironment:
         self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
         if (exploring := self._training.exploring) is not None and exploring.states is not None:
             self._exploring_states = ExploringStates(task, exploring.states, exploring.near)
+        self._floor = method.floor / method.scale
+        self._past = _Past(task, count) if any(end.where == LOST for end in self._training.ends) else None
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self.taken = 0
@@ -240,6 +265,8 @@ class BatchEnvironment:
     def reset(self) -> Array:
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
         self.simulator.reset(self._draw(self.count))
+        if self._past is not None:
+            self._past.begin(slice(None), self.simulator.signals)
         if self._training.exploring is not None:
             self._reset_rows(np.arange(self.count))
         self._seen = self.simulator.observe()
@@ -306,8 +333,14 @@ class BatchEnvironment:
         if self._ends:
             fixed, paid = first_end(self._ends, samples, t)
             reward[fixed], event[fixed] = paid[fixed], self._nothing_follows
+        if self._past is not None:
+            self._past.add(samples, t)
         if simulator.world.can_end and (stopped := simulator.world.ended & (event < Event.TIME_LIMIT)).any():
             fixed, event[stopped] = fixed | stopped, Event.TIME_LIMIT
+            if self._past is not None:
+                lost = self._past.lost(stopped, t)
+                reward[lost], event[lost] = self._floor, self._nothing_follows
+                stopped &= ~lost
             if self.task.file.terminated != "interval":  # nobody knows what would follow: going on is worth the same
                 self._pay_stopped(np.flatnonzero(stopped), reward)
                 event[stopped] = self._nothing_follows
@@ -342,6 +375,8 @@ class BatchEnvironment:
                 length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
         simulator.reset_rows(rows, begun, t)
+        if self._past is not None:
+            self._past.begin(rows, simulator.signals[rows])
 
     def _draw(self, count: int) -> Array:
         return self.task.starts.of_training(self._generator, count)

@@ -14,18 +14,20 @@ from stlbench.records.identity import Line, Name
 from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
 
 VIOLATION: Literal["violation"] = "violation"
+LOST: Literal["lost"] = "lost"
 """The condition that a term G[a,b] psi of the formula is violated."""
 
 
-def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation"]:
-    return VIOLATION if value == VIOLATION else read_point_formula(value, info)
+def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation", "lost"]:
+    return value if value in (VIOLATION, LOST) else read_point_formula(value, info)
 
 
 class Ending(Entry):
     """An early end of a training episode, as if the least that the method pays (`floor`) were paid for ever after."""
 
-    where: Annotated[stl.Formula | Literal["violation"], Read(_read_where)]
-    """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`."""
+    where: Annotated[stl.Formula | Literal["violation", "lost"], Read(_read_where)]
+    """A formula without temporal operators over the signals, such as of a pole that fell; `VIOLATION`; or `LOST`: the
+    environment ended the episode, and with the last sample held the formula is violated."""
 
 
 class Near(Entry):

@@ -77,6 +77,38 @@ def test_what_training_is_paid_at_an_early_end(terminated: str, reward: float, d
     assert second.observation[0].tolist() == [0, 0, -1]
 
 
+@pytest.mark.parametrize(
+    ("formula", "reward"),
+    [
+        ("F[0,4] x >= 1", 461.0),  # satisfied: as above
+        ("F[3,4] x >= 1", 461.0),  # x stays 1
+        ("F[0,4] x <= -1", -0.5),  # lost: the floor
+        ("F[0,1] x >= 1", -0.5),  # x = 1 comes too late
+    ],
+)
+def test_an_early_end_that_violates_pays_the_floor_on_request(formula: str, reward: float) -> None:
+    task = walk(WALL, formula=formula, training={"ends": [{"where": "lost"}]})
+    environment = BatchEnvironment(task, Probe(task.specification), 3, seed=0)
+    environment.reset()
+    for _ in range(2):  # the third copy ends twice, the second episode like the first
+        environment.step(np.array([RIGHT_INDEX, 1, RIGHT_INDEX]))
+        second = environment.step(np.array([RIGHT_INDEX, 1, RIGHT_INDEX]))
+        assert second.reward[[0, 2]].tolist() == [reward] * 2
+        assert second.ended.tolist() == [True, False, True]
+        assert second.discount.tolist() == [0, 1, 0]
+
+
+def test_an_early_end_is_lost_by_what_happened_before_it() -> None:
+    """With actions held for two steps, the samples within a decision count: x = .5 at step 1."""
+    for formula, reward in (("F[1,1] x >= 0.5", True), ("F[1,1] x >= 1", False)):
+        task = walk(WALL, formula=formula, hold=2, training={"ends": [{"where": "lost"}]})
+        environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
+        environment.reset()
+        step = environment.step(np.array([RIGHT_INDEX]))
+        assert step.ended.tolist() == [True]
+        assert (step.reward[0] > 0) == reward
+
+
 def test_an_end_at_the_last_step_is_the_time_limit() -> None:
     task = walk(WalkTask(wall=1.0), steps=2, formula="G[0,2] x <= 5")
     environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)

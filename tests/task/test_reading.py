@@ -264,6 +264,10 @@ class TestMessagesAboutTraining:
                 {"formula": "F[0,4] x >= 1", "training": {"ends": [{"where": "violation"}]}},
                 "training.ends.0.where: 'violation' is of a term G[a,b] psi, which the formula has none of",
             ),
+            (
+                {"terminated": "violated", "training": {"ends": [{"where": "lost"}]}},
+                "training.ends.0.where: 'lost' is of episodes whose last sample is held, with `terminated: hold`",
+            ),
             ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
             (
                 {"actions": {"v": {"low": 0, "high": 1, "count": 2}, "w": {"low": 0, "high": 1}}},
