@@ -95,9 +95,10 @@ def _schedule(task: Task) -> dict[str, Any] | str | None:
             "begin": term.start,
             "end": term.end,
         }
-        for term in found[0].terms
+        for term in stl.fragment(task.file.schedule)
     ]
-    facts = {"steps_per_unit": found[0].pace, "alternatives": len(found), "windows": windows}
+    own = found and found[0].formula == task.file.schedule
+    facts = {"steps_per_unit": found[0].pace if own else None, "alternatives": len(found), "windows": windows}
     return facts | {"warning": too_fast(task)}
 
 
@@ -298,8 +299,9 @@ def _timeline(schedule: dict[str, Any], steps: int) -> Table:
         first, last = (round(window[end] * _CELLS / steps) for end in ("begin", "end"))
         bar = " " * first + _BAR * max(1, last - first)
         rows.append({**window, "time": bar.ljust(_CELLS)})
-    pace = f"{schedule['steps_per_unit']:.3g} steps for each unit of distance"
-    note = f"The schedule implies the formula. Each way has at least {pace}. The referee scores the formula itself."
+    each = schedule["steps_per_unit"]
+    pace = "" if each is None else f"Each way has at least {each:.3g} steps for each unit of distance. "
+    note = f"The schedule implies the formula. {pace}The referee scores the formula itself."
     warning = [] if schedule["warning"] is None else [f"{schedule['warning']}."]
     return table("Schedule: the windows that training follows", rows, note, *warning)
 

@@ -89,6 +89,8 @@ def _regions(
 
 def scheduled(task: Task) -> Formula | None:
     """The formula of the schedule; None where there is none, or none is needed."""
+    if task.file.schedule is not None:
+        return task.file.schedule
     try:
         found = alternatives(task)
     except UnscheduledError:

@@ -12,9 +12,8 @@ from math import inf
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.auto import alternatives, regions
+from stlbench.rollout.auto import regions, scheduled
 from stlbench.rollout.baselines import held_at_random, in_pieces, replay
-from stlbench.schedules.plan import UnscheduledError
 from stlbench.stl import Formula, FragmentError, Term, fragment
 from stlbench.task import Task
 from stlbench.task.forms import regular
@@ -29,10 +28,10 @@ def too_fast(task: Task) -> str | None:
     The goals are those of the schedule, or of the formula where it is one. None where all have time, or where there is
     neither.
     """
+    schedule = scheduled(task)
     try:
-        found = alternatives(task)
-        terms = found[0].terms if found else fragment(regular(task.file.formula))
-    except (UnscheduledError, FragmentError):
+        terms = fragment(regular(task.file.formula) if schedule is None else schedule)
+    except FragmentError:
         return None
     known = regions(task)
     goals = sorted((term for term in terms if term.kind != "G"), key=lambda term: term.end)

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from stlbench import stl
+from stlbench.contract import Array
 from stlbench.schedules.plan import MOST_PLANS, MOST_VISITS, Plan, UnscheduledError, conjunction, plans
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.times import Programme, Times
+from stlbench.schedules.witness import times_around
 from stlbench.stl import Formula, Term
 
 
@@ -28,8 +30,8 @@ class Schedule:
 
 ALIKE = 0.9
 """Paces of at least this share of the greatest count as equal. The simplest schedule of these is taken."""
-
-
+MOST_AROUND = 40
+"""Alternatives into which witnesses are fitted."""
 MOST_NODES = 1500
 """Linear programmes that are solved for all alternatives of a formula, before the last one is begun."""
 
@@ -62,8 +64,29 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
     return list(dict.fromkeys(schedule for schedule, _ in near + rest))
 
 
-def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tuple[Plan, Times]]:
-    """The alternatives that have times. Of very many, or hard ones, those are searched that may be fastest."""
+def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Array) -> Schedule | None:
+    """The schedule whose windows leave the most time after witnesses have met them; None where there is none.
+
+    Args:
+        formula, regions, hold, last: as for `schedules`.
+        traces: samples (n, last + 1, k) of the signals of `regions` that satisfy the formula.
+
+    Raises:
+        UnscheduledError: as `schedules`.
+    """
+    for width in (hold, 0):  # as in `schedules`
+        best, most = None, -1
+        for programme in _programmes(formula, regions, width, last)[:MOST_AROUND]:
+            found = times_around(programme, traces, tuple(regions.box))
+            if found is not None and found[0] > most and (terms := programme.plan.terms(found[1].values)):
+                most, best = found[0], Schedule(terms, found[1].pace)
+        if best is not None:
+            return best
+    return None
+
+
+def _programmes(formula: Formula, regions: Regions, hold: int, last: int) -> list[Programme]:
+    """Of the alternatives whose events are possible. Raises `UnscheduledError` where there are none."""
     found_plans = plans(formula, last)
     possible = [plan for plan in found_plans if all(regions.possible(event.psi) for event in plan.events)]
     if not found_plans:
@@ -71,7 +94,12 @@ def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tup
     if not possible:
         psi = next(event.psi for event in found_plans[0].events if not regions.possible(event.psi))
         raise UnscheduledError(f"{psi} holds nowhere within the ranges of the signals")
-    programmes = [Programme(plan, regions, hold) for plan in possible]
+    return [Programme(plan, regions, hold) for plan in possible]
+
+
+def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tuple[Plan, Times]]:
+    """The alternatives that have times. Of very many, or hard ones, those are searched that may be fastest."""
+    programmes = _programmes(formula, regions, hold, last)
     bounds = [(bound, place) for place, each in enumerate(programmes) if (bound := each.bound) is not None]
     if not bounds:
         raise UnscheduledError(f"its windows do not fit into the steps 0 to {last}, or leave each other no room")

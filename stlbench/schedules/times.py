@@ -22,7 +22,7 @@ MOST_PACE = 1e4
 _TOLERANCE = 1e-6
 _FAST = 1.6
 """So many times the pace a robot may have without having to wait for what is excluded before a goal."""
-_LENGTH = 0.5
+HELD_COST = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
 _Item = Event | Held
@@ -76,6 +76,11 @@ class _Rows:
         free: Array = self.room + values[self.later] - values[self.earlier] - pace * self.distance
         return free
 
+    def between(self) -> Iterator[tuple[At, At, int]]:
+        """The rows at pace 0: an earlier step, a later one, and the steps that are between them at least."""
+        ends = ([At(0, None if place < 0 else place) for place in side.tolist()] for side in (self.earlier, self.later))
+        yield from zip(*ends, (-self.room).round().astype(int).tolist(), strict=True)
+
     @classmethod
     def joined(cls, parts: Sequence[_Rows]) -> _Rows:
         names = [field.name for field in fields(cls)]
@@ -108,28 +113,28 @@ class Programme:
     def __init__(self, plan: Plan, regions: Regions, hold: int) -> None:
         self.plan, self._regions, self._hold = plan, regions, hold
         self.nodes = 0
-        self._items: tuple[_Item, ...] = (*plan.events, *plan.held)
+        self.items: tuple[_Item, ...] = (*plan.events, *plan.held)
         rows = [_Row(earlier, later) for earlier, later in plan.rows]
         rows += [_Row(event.begin, event.end, hold) for event in plan.events]
-        self._rows = _Rows.of([*rows, *(row for item in self._items for row in self._arrival(item))])
+        self.rows = _Rows.of([*rows, *(row for item in self.items for row in self._arrival(item))])
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
         """Items that exclude each other."""
-        pairs = combinations(range(len(self._items)), 2)
-        return [(i, j) for i, j in pairs if self._regions.exclusive(self._items[i].psi, self._items[j].psi)]
+        pairs = combinations(range(len(self.items)), 2)
+        return [(i, j) for i, j in pairs if self._regions.exclusive(self.items[i].psi, self.items[j].psi)]
 
     @cached_property
-    def _ways(self) -> list[_Rows]:
+    def ways(self) -> list[_Rows]:
         """Of each pair both orders, one after the other: 2 k is the first item of pair k before the second."""
-        items = [(self._items[i], self._items[j]) for i, j in self._pairs]
+        items = [(self.items[i], self.items[j]) for i, j in self._pairs]
         return [_Rows.of(self._apart(*each)) for pair in items for each in (pair, pair[::-1])]
 
     @cached_property
     def _all_ways(self) -> tuple[_Rows, Integers]:
         """The rows of all ways, and where those of each begin."""
-        counts = [len(way.room) for way in self._ways]
-        return _Rows.joined(self._ways), np.cumsum([0, *counts[:-1]])
+        counts = [len(way.room) for way in self.ways]
+        return _Rows.joined(self.ways), np.cumsum([0, *counts[:-1]])
 
     def _arrival(self, item: _Item) -> list[_Row]:
         """From the start to an item."""
@@ -178,7 +183,7 @@ class Programme:
             if clash is None:
                 bound, found = solved.pace, self._complete(order, solved)
                 continue
-            first, second = (solved.middle(self._items[item]) for item in self._pairs[clash])
+            first, second = (solved.middle(self.items[item]) for item in self._pairs[clash])
             ways = (2 * clash + 1, 2 * clash)  # the likelier order comes last, and is tried first
             pending += [(*order, way) for way in (ways[::-1] if first > second else ways) if possible[way]]
         if found is not None and pending:
@@ -191,7 +196,7 @@ class Programme:
         longest = np.full((count, count), -np.inf)
         longest[-1] = 0.0  # no variable is below 0
         np.fill_diagonal(longest, 0.0)
-        np.maximum.at(longest, (self._rows.earlier, self._rows.later), -self._rows.room)
+        np.maximum.at(longest, (self.rows.earlier, self.rows.later), -self.rows.room)
         for middle in range(count):
             np.maximum(longest, longest[:, middle, None] + longest[middle], out=longest)
         if not self._pairs:
@@ -203,8 +208,8 @@ class Programme:
         """A complete order made better by small changes, those first that shorten the whole way most."""
         left, solved = MOST_NODES, self._fastest(order)
         while solved is not None:
-            middles = list(map(solved.middle, self._items))
-            sequence = sorted(range(len(self._items)), key=middles.__getitem__)
+            middles = list(map(solved.middle, self.items))
+            sequence = sorted(range(len(self.items)), key=middles.__getitem__)
             order, solved, better = self._complete((), solved), None, bound + _TOLERANCE
             for moved in sorted(_moved(sequence), key=self._length)[:left]:
                 candidate = self._order(moved)
@@ -223,7 +228,7 @@ class Programme:
 
     def _length(self, sequence: Sequence[int]) -> float:
         """The way from the start to all items in a sequence."""
-        targets = [self._items[item].psi for item in sequence]
+        targets = [self.items[item].psi for item in sequence]
         return sum(map(self._regions.distance, [None, *targets[:-1]], targets))
 
     def shortfall(self) -> str | None:
@@ -234,12 +239,12 @@ class Programme:
         free = self._free
         if free is None or not self._pairs:
             return None
-        middles = [[free.middle(self._items[item]) for item in pair] for pair in self._pairs]
+        middles = [[free.middle(self.items[item]) for item in pair] for pair in self._pairs]
         order = [2 * k + (first > second) for k, (first, second) in enumerate(middles)]
         solved = self._fastest(order, elastic=True)
         if solved is None:
             return None
-        over = [float(-self._ways[way].left(solved.values, 0.0).min()) for way in order]
+        over = [float(-self.ways[way].left(solved.values, 0.0).min()) for way in order]
         worst = int(np.argmax(over))
         if over[worst] <= 0:
             return None
@@ -248,7 +253,7 @@ class Programme:
         return f"{first} and {second} exclude each other; steps missing: {max(1, round(over[worst]))}"
 
     def _told(self, solved: _Point, item: int) -> str:
-        each = self._items[item]
+        each = self.items[item]
         begin, end = (round(solved.at(step)) for step in (each.begin, each.end))
         return f"{each.psi} in {begin}..{end}"
 
@@ -276,7 +281,7 @@ class Programme:
         """
         rows = list[_Row]()
         for i, j in self._pairs:
-            event, held = self._items[i], self._items[j]
+            event, held = self.items[i], self.items[j]
             if not isinstance(event, Event) or not isinstance(held, Held):
                 continue
             if held.end.variable is None or solved.at(held.end) >= solved.at(event.begin):
@@ -314,7 +319,7 @@ class Programme:
         return np.logical_and.reduceat(kept, starts).reshape(-1, 2)
 
     def _with(self, order: Sequence[int], further: Sequence[_Row] = ()) -> _Rows:
-        return _Rows.joined([self._rows, _Rows.of(further), *(self._ways[way] for way in order)])
+        return _Rows.joined([self.rows, _Rows.of(further), *(self.ways[way] for way in order)])
 
     def _fastest(self, order: Sequence[int], further: Sequence[_Row] = (), elastic: bool = False) -> _Point | None:
         """The greatest pace, and steps for it.
@@ -335,8 +340,8 @@ class Programme:
             _add(cost, event.begin, 1.0)
             _add(cost, event.end, -1.0)
         for held in self.plan.held:
-            _add(cost, held.begin, -_LENGTH)
-            _add(cost, held.end, _LENGTH)
+            _add(cost, held.begin, -HELD_COST)
+            _add(cost, held.end, HELD_COST)
         return _solved(self._with(order, further), cost, pace * (1 - _TOLERANCE))
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stlbench.contract import ActionGrid, Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
-from stlbench.registry.choices import parse_choice
+from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout.auto import automatic, in_turn
+from stlbench.solver.posed import TASK
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods
 from stlbench.task.build import INIT
@@ -43,11 +44,16 @@ class Contestant:
 
     method: str
     agent: str
+    task: Choice = TASK
+    """The task with the schedule that it follows."""
 
     @classmethod
     def of(cls, result: Result) -> Contestant:
         """Who trained."""
-        return cls(str(result.id.method), str(result.id.agent.without(INIT)))
+        return cls(str(result.id.method), str(result.id.agent.without(INIT)), result.id.task)
+
+    def __str__(self) -> str:
+        return self.method if self.task == TASK else f"{self.method} along witnesses"
 
 
 def resumes(agent: str) -> bool:
@@ -61,7 +67,7 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
     Alone the one that trained the policy from which all start, if there is such a policy.
     """
     if known is not None:
-        return (known,)
+        return (replace(known, task=TASK),)
     own = own_agent_on(task, "auto")
     derived = automatic(task, own)
     fitting = fitting_methods(derived)
@@ -72,6 +78,16 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
         methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals > 0))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
+
+
+def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Contestant, ...]:
+    """As many contestants, of which the last is the first one of before where there is a schedule around witnesses.
+
+    The others follow that schedule: the probe learned nothing along the other one.
+    """
+    best, other = choices[0], choices[1:]
+    others = [replace(racing[0], task=choice) for choice in other]
+    return (*(replace(each, task=best) for each in racing[: max(1, _MOST - len(others))]), *others)
 
 
 def _reasons(task: Task) -> Iterator[str]:

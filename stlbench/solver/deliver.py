@@ -177,6 +177,8 @@ class Delivery:
         yield f"Formula, in steps of {task.file.sampling_time:g} s: `{task.formula}`\n"
         cell = self.best.id
         yield f"Trained by {cell.method} with {cell.agent}, seed {cell.seed}, on the track auto."
+        if cell.task != TASK:
+            yield f"It followed windows around episodes that satisfy: `{task.file.schedule}`."
         yield from self._comparison()
         if attacked is not None:
             yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,15 @@ import numpy as np
 import yaml
 from pydantic import BaseModel
 
-from stlbench.contract import GymTask
+from stlbench.contract import Array, GymTask
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Score
 from stlbench.records.result_files import inside, write
 from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
+from stlbench.rollout.auto import regions, scheduled
+from stlbench.schedules.schedule import around
 from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
@@ -29,6 +32,10 @@ from stlbench.task.reading import file_of
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
 _ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
+WITNESSED = "witness"
+"""The schedule around witnesses, in the task file."""
+_WITNESSES = 4
+"""Starts of training from which one is searched, at most."""
 _LOOK = 0.03
 """The share of the time for each of the first tries: scores, and constant actions."""
 _PLAYED = 5.0
@@ -72,32 +79,68 @@ class Posed:
 
     def budget(self, name: str, **numbers: float | None) -> None:
         """Write a budget into the task file."""
-        self._change_budgets(lambda budgets: budgets | {name: numbers})
+        self._change(budgets=self._content["budgets"] | {name: numbers})
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """The task, and with a schedule around witnesses where there is one; this one comes first."""
+        return (*(Choice(TASK.name, (("schedule", name),)) for name in self.task.file.schedules), TASK)
 
     def search(self, seconds: float) -> str | None:
-        """Search for a witness, and keep it; what to say of it, once."""
+        """Search for witnesses, and keep the first and a schedule around them; what to say of it, once."""
         if self.state.get("searched"):
             return None
         task, given = self.task, min(_SEARCHED, _SEARCH * seconds)
-        is_quick = tries.COPIES * self.episode_seconds <= _MOST_SEARCHED * given
-        nearest = tries.search(task, given) if is_quick else None
-        if nearest is not None and nearest.satisfies:
-            facts = {"start": task.starts.report_and_selection()[0][0].tolist(), **asdict(nearest)}
-            write(self.folder / WITNESS, json.dumps(facts))
-        note = tries.of_search(nearest)
+        found = list[tries.Nearest]()
+        if tries.COPIES * self.episode_seconds <= _MOST_SEARCHED * given:
+            starts = task.starts.of_training(np.random.default_rng(0), _WITNESSES)
+            clock = time.perf_counter()
+            for begun in starts:
+                found.append(tries.search(task, given, begun, found[-1] if found else None))
+                if not found[-1].satisfies or time.perf_counter() - clock > given:
+                    break
+            if found[0].satisfies:
+                facts = {name: getattr(found[0], name) for name in ("robustness", "episodes", "actions")}
+                write(self.folder / WITNESS, json.dumps({"start": starts[0].tolist()} | facts))
+                self._follow(np.stack([each.trace for each in found if each.satisfies]))
+        note = tries.of_search(found[0] if found else None)
         self.remember(searched=True, notes=[*self.state["notes"], note])
         return note
+
+    def _follow(self, traces: Array) -> None:
+        """Write the schedule around witnesses (n, T + 1, k), unless the task has none or follows it anyway.
+
+        A witness is left out where no windows serve it and those before it.
+        """
+        task, file = self.task, self.task.file
+        if (own := scheduled(task)) is None:
+            return
+        kept, schedule = traces[:0], None
+        for trace in traces:
+            more = np.concatenate([kept, trace[None]])
+            if (found := around(file.formula, regions(task), file.hold, file.steps, more)) is not None:
+                kept, schedule = more, found.formula
+        if schedule not in (None, own):
+            self._change(schedules={WITNESSED: str(schedule)})
 
     def begin(self, minutes: float) -> None:
         """Forget methods and budgets that were chosen for another time."""
         if self.state.get("minutes") != minutes:
-            self._change_budgets(lambda budgets: {"probe": budgets["probe"]})
+            self._change(budgets={"probe": self._content["budgets"]["probe"]})
             self.remember(minutes=minutes, methods=None, chosen=None)
 
-    def _change_budgets(self, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-        path = self.folder / TASK.name / _FILE
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-        _write(path, content | {"budgets": change(content["budgets"])})
+    def _change(self, **entries: Any) -> None:
+        """Write entries into the task file."""
+        _write(self._file, self._content | entries)
+
+    @property
+    def _file(self) -> Path:
+        return self.folder / TASK.name / _FILE
+
+    @property
+    def _content(self) -> dict[str, Any]:
+        content: dict[str, Any] = yaml.safe_load(self._file.read_text(encoding="utf-8"))
+        return content
 
 
 def pose(

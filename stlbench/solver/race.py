@@ -19,9 +19,9 @@ from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
 from stlbench.solver import tries
-from stlbench.solver.contestants import Contestant, best_first, contestants, rank, resumes
+from stlbench.solver.contestants import Contestant, along, best_first, contestants, rank, resumes
 from stlbench.solver.outlook import Outlook, outlook
-from stlbench.solver.posed import TASK, Posed
+from stlbench.solver.posed import Posed
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
 from stlbench.solver.start import Start
 from stlbench.study.run import build_executor, run_study
@@ -103,7 +103,7 @@ class Trainer:
         """The results of these cells, the best first; perhaps from a policy.
 
         They end with the first that is `enough`. Where the time before the delivery is too short no more begin, but
-        those that run side by side all end. A study has one agent.
+        those that run side by side all end. A study has one task and one agent.
         """
         half, ended = (self.posed.task.budget(budget).seconds or 0.0) / 2, list[Result]()
 
@@ -112,12 +112,12 @@ class Trainer:
             return enough(result) or (len(ended) % self._at_once == 0 and self._left <= half)
 
         results = list[Result]()
-        for agent in dict.fromkeys(each.agent for each in who):
+        for task, agent in dict.fromkeys((each.task, each.agent) for each in who):
             if results and (any(map(enough, results)) or self._left <= half):
                 break
             results += run_study(
-                tasks=[TASK],
-                methods=[each.method for each in who if each.agent == agent],
+                tasks=[task],
+                methods=[each.method for each in who if (each.task, each.agent) == (task, agent)],
                 agents=[agent],
                 seeds=seeds,
                 budget=budget,
@@ -152,12 +152,14 @@ class Trainer:
             return best
         if rank(best)[0] == 0 and (found := self.posed.search(60 * self.clock.minutes)):
             self.say(found)
+        if self.start is None:
+            racing = list(along(racing, self.posed.choices))
         methods = self.posed.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
             names = ", ".join(
-                each.method if each.agent == racing[0].agent else f"{each.method} with {each.agent}" for each in racing
+                f"{each}" if each.agent == racing[0].agent else f"{each} with {each.agent}" for each in racing
             )
             self.say(f"race, rung {rung}: {names}; {_score(best)}")
             ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], self._is_promising)
@@ -256,7 +258,7 @@ class Trainer:
                 steps = min(steps, _LONGER * winner.measurement.env_steps)
             self._write(FINAL, steps, seconds, checkpoints)
         contestant, steps = Contestant.of(winner), self.posed.task.budget(FINAL).steps
-        self.say(f"final: {contestant.method}, fresh seeds, at most {steps} steps each; {_score(winner)}")
+        self.say(f"final: {contestant}, fresh seeds, at most {steps} steps each; {_score(winner)}")
         return self.train(FINAL, [contestant], FINAL_SEEDS, _satisfies)
 
     # ------------------------------------------------------------------------------------------------------ going on
@@ -277,7 +279,7 @@ class Trainer:
             contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _MOST_AT_ONCE * (turn - 1)
             init = self._policy_of(best) if onward and resumes(contestant.agent) else None
             how = "fresh networks" if init is None else "the best policy"
-            self.say(f"training on, from {how}: {contestant.method}; {seen}")
+            self.say(f"training on, from {how}: {contestant}; {seen}")
             seeds = range(first, first + min(_MOST_AT_ONCE, self._at_once))
             rose = False
             for result in self.train(f"{MORE}{turn}", [contestant], seeds, lambda result: False, init):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,6 +42,10 @@ class Nearest:
     """That were played."""
     actions: tuple[tuple[float, ...], ...]
     """Vectors, each held for an equal part of the episode."""
+    trace: Array = field(repr=False)
+    """Its samples (T + 1, k)."""
+    pool: Integers | Array = field(repr=False)
+    """The best sequences (n, pieces, ...), from which another search may begin."""
 
     @property
     def satisfies(self) -> bool:
@@ -49,27 +53,30 @@ class Nearest:
         return self.robustness > 0
 
 
-def search(task: Task, seconds: float, seed: int = 0) -> Nearest:
-    """Search from the report's first start for about so many seconds, at least one generation; until a witness."""
-    began, generator = time.perf_counter(), np.random.default_rng(seed)
+def search(task: Task, seconds: float, begun: Array, near: Nearest | None = None) -> Nearest:
+    """Search from a start (s,) for about so many seconds, at least one generation; until a witness.
+
+    It begins with the sequences of another search, if there is one.
+    """
+    clock, generator = time.perf_counter(), np.random.default_rng(0)
     decisions = task.file.steps // task.file.hold
     pieces = min(_PIECES, decisions)
     when = in_pieces(decisions, pieces)
-    start = np.repeat(task.starts.report_and_selection()[0][:1], COPIES, axis=0)
-    pool = held_at_random(task.actions, generator, COPIES, pieces)
-    best, scores, episodes = pool[:0], np.empty((0, 2)), 0
+    pool = held_at_random(task.actions, generator, COPIES, pieces) if near is None else near.pool
+    best, scores, traces, episodes = pool[:0], np.empty((0, 2)), np.empty((0,)), 0
     while True:
-        played = replay(task, pool[:, when], start)
+        played = replay(task, pool[:, when], np.repeat(begun[None], len(pool), axis=0))
         verdicts = judge(task.formula, played.traces, task.specification, task.file.terminated)
         episodes += len(pool)
         best = np.concatenate([best, pool])
+        traces = np.concatenate([traces, played.traces]) if len(traces) else played.traces
         scores = np.concatenate([scores, np.stack([verdicts.robustness[:, 0], played.lasted], axis=1)])
         order = np.lexsort((scores[:, 1], scores[:, 0]))[::-1][:_ELITE]  # of equal ones the episode that lasted
-        best, scores = best[order], scores[order]
-        if scores[0, 0] > 0 or time.perf_counter() - began > seconds:
+        best, scores, traces = best[order], scores[order], traces[order]
+        if scores[0, 0] > 0 or time.perf_counter() - clock > seconds:
             actions = task.actions
             vectors = actions.vectors[best[0]] if isinstance(actions, ActionGrid) else best[0]
-            return Nearest(float(scores[0, 0]), episodes, tuple(map(tuple, vectors.tolist())))
+            return Nearest(float(scores[0, 0]), episodes, tuple(map(tuple, vectors.tolist())), traces[0], best)
         pool = _changed(task, generator, best)
 
 

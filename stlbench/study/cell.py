@@ -171,7 +171,7 @@ PARTS = ("harness", "task", "method", "agent", "packages")
 """Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
 distributions that the plugins import."""
 _WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
-_NO_PART: dict[str, Any] = dict.fromkeys((*_WORDS, "agents", "budgets"), True) | {"environment": {"drawn"}}
+_NO_PART: dict[str, Any] = dict.fromkeys((*_WORDS, "agents", "budgets", "schedules"), True) | {"environment": {"drawn"}}
 """What a task file says for people, tables and pictures alone, or is in the key of a cell by itself."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """What it says of environments alone."""

@@ -82,6 +82,9 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
     places = {name: parts.get(name) for name in ("formula", "rewarded", "nested")}
     for name, protocol in parts.get("protocols", {}).items():
         places[f"protocols.{name}.formula"] = (protocol or {}).get("formula")
+    for name, schedule in (parts.get("schedules") or {}).items():
+        places[f"schedules.{name}"] = schedule
+        yield from _no_terms(f"schedules.{name}", schedule)
     formulas = {place: formula for place, formula in places.items() if formula is not None}
     steps, main = parts.get("steps"), formulas.get("formula")
     for place, formula in formulas.items():
@@ -93,6 +96,13 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
             yield f"{place}: its horizon of {horizon} steps exceeds steps = {steps}"
         if place in ("rewarded", "nested") and main is not None and horizon != stl.horizon(main):
             yield f"{place}: its horizon is {horizon} steps, that of the formula {stl.horizon(main)}"
+
+
+def _no_terms(place: str, schedule: stl.Formula | None) -> Iterator[str]:
+    try:
+        _ = () if schedule is None else stl.fragment(schedule)
+    except stl.FragmentError as error:
+        yield f"{place}: a schedule has terms F[a,b] psi, G[a,b] psi and F[a,b] G[0,s] psi; {error}"
 
 
 def _time(parts: Parts) -> Iterator[str]:

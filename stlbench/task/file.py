@@ -208,6 +208,8 @@ class TaskFile(Entry):
     satisfied when the formula is. The referee scores `formula`."""
     schedule: Annotated[Formula | None, Field(exclude_if=lambda value: value is None)] = None
     """A conjunction of terms of eq. 2 that implies `formula`. Training follows it; the referee scores `formula`."""
+    schedules: Annotated[dict[Name, Formula], Field(exclude_if=operator.not_)] = Field(default_factory=dict)
+    """Other schedules, by name. Training follows one on request: my-task[schedule=late]."""
     nested: Formula | None = None
     """The same task as an outer operator over an inner window, for methods that need that form."""
     time: Literal["steps", "seconds"] = "steps"
@@ -293,6 +295,13 @@ class TaskFile(Entry):
 
     def _training(self, **changes: Any) -> TaskFile:
         return self.model_copy(update={"training": self.training.model_copy(update=changes)})
+
+    def scheduled(self, name: str) -> TaskFile:
+        """This file with one of its schedules. Raises `ValueError` where it has none of this name."""
+        if name not in self.schedules:
+            known = f"there are: {', '.join(self.schedules)}" if self.schedules else "its file names none"
+            raise ValueError(f"the task has no schedule '{name}'; {known}")
+        return self.model_copy(update={"schedule": self.schedules[name]})
 
     def held(self, steps: int) -> TaskFile:
         """This file with actions held for so many steps. Raises `ValueError` where an episode or a cut has no place."""

@@ -172,8 +172,9 @@ def load_task(choice: Choice | str) -> Task:
     """Find, read and check a task.
 
     Args:
-        choice: its name, or the path of its folder; for a variant what it is to do without, joined by +, and how long
-            it is to hold its actions: overlap[without=cuts+ends], robot-nav[hold=20], ./my-task[hold=2].
+        choice: its name, or the path of its folder; for a variant what it is to do without, joined by +, how long it is
+            to hold its actions, and which of its schedules it follows: overlap[without=cuts+ends], robot-nav[hold=20],
+            ./my-task[schedule=late].
 
     Raises:
         UsageError: no such task, a task file with errors (the message lists all of them), without what is no part of
@@ -227,8 +228,10 @@ def _varied(file: TaskFile, choice: Choice) -> TaskFile:
                 if _count(value) == file.hold:
                     raise ValueError(f"the task holds actions for {value} steps as it is")
                 file = file.held(_count(value))
+            elif key == "schedule":
+                file = file.scheduled(value)
             else:
-                raise ValueError(f"a task has no parameter '{key}', only without, as in without=cuts+hold, and hold")
+                raise ValueError(f"a task has no parameter '{key}', only without=cuts+ends, hold=2 and schedule=late")
         except ValueError as error:
             raise UsageError(f"{choice}: {error}") from error
     return file

@@ -13,7 +13,9 @@ import pytest
 import yaml
 from solver.conftest import FORMULA, POINT
 
+from stlbench import stl
 from stlbench.errors import UsageError
+from stlbench.rollout.baselines import in_pieces, replay
 from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
@@ -81,6 +83,20 @@ def test_a_witness_is_kept_and_satisfies() -> None:
         nearest = min(nearest, abs(float(env.step(np.array(action))[0]["place"][0])))
     assert nearest <= 0.1
     assert found["robustness"] == pytest.approx(0.1 - nearest, abs=1e-6)
+
+
+@pytest.mark.usefixtures("made")
+def test_witnesses_give_a_schedule_that_they_satisfy() -> None:
+    formula = "F[0,15] (x >= 0.5 & F[0,14] x <= 0)"
+    posed = pose(Problem(POINT, formula, {"x": "obs[place][0]"}), Path("out"))
+    assert "a witness exists" in str(posed.search(600))
+    schedule = posed.task.file.schedules["witness"]
+    assert [str(choice) for choice in posed.choices] == ["task[schedule=witness]", "task"]
+    assert load_task(posed.choices[0]).file.followed == schedule != posed.task.file.followed
+    task, found = posed.task, json.loads(Path("out/witness.json").read_text())
+    actions = np.array(found["actions"])[in_pieces(task.file.steps // task.file.hold, len(found["actions"]))]
+    trace = replay(task, actions[None], np.array([found["start"]])).traces
+    assert stl.satisfied(schedule, trace, task.signals).all()
 
 
 @pytest.mark.usefixtures("made")

@@ -1,0 +1,144 @@
+"""The times of a plan around witnesses: episodes that satisfy a formula, and so show how fast a robot is.
+
+A mixed-integer programme chooses where each witness meets each event, and the windows around these steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array, Truth
+from stlbench.schedules.plan import At, Event, Held
+from stlbench.schedules.times import HELD_COST, Programme, Times
+
+_SECONDS = 2.0
+"""For one programme, at most. It takes milliseconds, unless witnesses meet a region many times."""
+
+
+def times_around(programme: Programme, traces: Array, names: Sequence[str]) -> tuple[int, Times] | None:
+    """The steps that each window leaves at least after a witness has met it, and times with the widest such windows.
+
+    Args:
+        programme: of a plan.
+        traces: samples (n, T + 1, k) that satisfy the formula.
+        names: of the k signals.
+
+    Returns:
+        None where the traces are not all of this plan.
+    """
+    model = _Model(programme, traces.shape[1])
+    for item in programme.items:
+        true = stl.holds(item.psi, tuple(names))(traces)
+        for row in true:
+            if isinstance(item, Event):
+                model.meet(item, _runs(row))
+            else:
+                model.keep(item, _runs(row))
+    found = model.solved({model.margin: -1.0}, 0)
+    if found is None:
+        return None
+    least = int(found[model.margin] + 1e-6)
+    widest = model.solved(model.widths(), least)
+    values = np.round(found if widest is None else widest)
+    return least, Times(0.0, tuple(values[: programme.plan.variables].astype(int).tolist()))
+
+
+def _runs(true: Truth) -> list[tuple[int, int]]:
+    """The first and last step of each stretch in which something is true (T + 1,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
+    return [(int(begin), int(end) - 1) for begin, end in edges.reshape(-1, 2)]
+
+
+class _Model:
+    """Variables: those of the plan; the margin; then steps at which events are met, and choices, which are 0 or 1."""
+
+    def __init__(self, programme: Programme, samples: int) -> None:
+        self._items, self._big = programme.items, 2.0 * samples
+        self.margin = programme.plan.variables
+        self._choice = [False] * (self.margin + 1)
+        self._rows, self._most = list[dict[int, float]](), list[float]()
+        for earlier, later, gap in programme.rows.between():
+            self._order(earlier, later, gap)
+        for pair in zip(programme.ways[::2], programme.ways[1::2], strict=True):
+            for choice, way in zip(self._choices(2), pair, strict=True):
+                for earlier, later, gap in way.between():
+                    self._order(earlier, later, gap, choice)
+
+    def meet(self, event: Event, runs: Sequence[tuple[int, int]]) -> None:
+        """Let a witness that is in a region in these runs meet the event."""
+        step = At(0, self._variable())
+        self._order(event.begin, step)
+        self._order(step, event.end, margin=1.0)
+        for choice, (begin, end) in zip(self._choices(len(runs)), runs, strict=True):
+            self._order(At(begin), step, choice=choice)
+            self._order(step, At(end - event.stay), choice=choice)
+
+    def keep(self, held: Held, runs: Sequence[tuple[int, int]]) -> None:
+        """Let a witness for which a condition holds in these runs keep it, or let it be held at no step."""
+        never, *choices = self._choices(len(runs) + 1)
+        self._order(held.end, held.begin, 1, never)
+        for choice, (begin, end) in zip(choices, runs, strict=True):
+            self._order(At(begin), held.begin, choice=choice)
+            self._order(held.end, At(end), choice=choice)
+
+    def widths(self) -> dict[int, float]:
+        """The cost of narrow windows, and of what is held for long."""
+        cost = dict[int, float]()
+        for item in self._items:
+            each = -1.0 if isinstance(item, Event) else HELD_COST
+            for at, sign in ((item.end, each), (item.begin, -each)):
+                if at.variable is not None:
+                    cost[at.variable] = cost.get(at.variable, 0.0) + sign
+        return cost
+
+    def solved(self, cost: dict[int, float], least: int) -> Array | None:
+        """The values of all variables of least cost, with at least this margin."""
+        from scipy.optimize import Bounds, LinearConstraint, milp  # which most commands do without
+        from scipy.sparse import coo_array
+
+        count = len(self._choice)
+        entries = [(value, row, column) for row, found in enumerate(self._rows) for column, value in found.items()]
+        data, row, column = (np.array(each) for each in zip(*entries, strict=True))
+        rows = coo_array((data, (row, column)), shape=(len(self._rows), count)).tocsr()
+        low, high = np.zeros(count), np.where(self._choice, 1.0, self._big)
+        low[self.margin] = least
+        costs = np.zeros(count)
+        costs[[*cost]] = [*cost.values()]
+        found = milp(
+            costs,
+            constraints=LinearConstraint(rows, ub=np.array(self._most)),
+            integrality=np.ones(count, dtype=np.int64),
+            bounds=Bounds(low, high),
+            options={"time_limit": _SECONDS},
+        )
+        values: Array | None = found.x
+        return values
+
+    def _variable(self, choice: bool = False) -> int:
+        self._choice.append(choice)
+        return len(self._choice) - 1
+
+    def _choices(self, count: int) -> list[int]:
+        """Variables of which exactly one is 1; where there are none, nothing is possible."""
+        made = [self._variable(choice=True) for _ in range(count)]
+        for sign in (1.0, -1.0):
+            self._rows.append(dict.fromkeys(made, sign))
+            self._most.append(sign)
+        return made
+
+    def _order(self, earlier: At, later: At, gap: int = 0, choice: int | None = None, margin: float = 0.0) -> None:
+        """earlier + gap + margin <= later, if a choice is made."""
+        row, most = dict[int, float](), float(later.offset - earlier.offset - gap)
+        for at, sign in ((earlier, 1.0), (later, -1.0)):
+            if at.variable is not None:
+                row[at.variable] = row.get(at.variable, 0.0) + sign
+        if margin:
+            row[self.margin] = margin
+        if choice is not None:
+            row[choice] = self._big
+            most += self._big
+        self._rows.append(row)
+        self._most.append(most)
