@@ -14,10 +14,11 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choice
 from stlbench.rollout.auto import PATIENCE, automatic
-from stlbench.solver.contestants import Contestant, best_first, contestants
+from stlbench.solver.contestants import Contestant, along, best_first, contestants
 from stlbench.solver.outlook import Outlook
-from stlbench.solver.posed import pose
+from stlbench.solver.posed import TASK, pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.task import load_task
@@ -204,6 +205,17 @@ def test_methods_that_race() -> None:
     assert contestants(again, 10)[0] == Contestant("funnel", "td3")  # its schedule has no F inside of G
     assert len(contestants(again, 10)) <= 4
     assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
+
+
+def test_who_races_along_witnesses() -> None:
+    """Three follow the schedule around witnesses, and the first also the other one. Without it nothing changes."""
+    racing = tuple(Contestant(method, "dqn") for method in ("funnel", "raw", "counters", "dense"))
+    assert along(racing, [TASK]) == racing
+    witnessed = parse_choice("task[schedule=witness]")
+    found = along(racing, [witnessed, TASK])
+    assert [each.method for each in found] == ["funnel", "raw", "counters", "funnel"]
+    assert [each.task for each in found] == [witnessed] * 3 + [TASK]
+    assert str(found[0]) == "funnel along witnesses"
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
