@@ -119,7 +119,7 @@ class Programme:
         self.rows = _Rows.of([*rows, *(row for item in self.items for row in self._arrival(item))])
 
     @cached_property
-    def _pairs(self) -> list[tuple[int, int]]:
+    def pairs(self) -> list[tuple[int, int]]:
         """Items that exclude each other."""
         pairs = combinations(range(len(self.items)), 2)
         return [(i, j) for i, j in pairs if self._regions.exclusive(self.items[i].psi, self.items[j].psi)]
@@ -127,7 +127,7 @@ class Programme:
     @cached_property
     def ways(self) -> list[_Rows]:
         """Of each pair both orders, one after the other: 2 k is the first item of pair k before the second."""
-        items = [(self.items[i], self.items[j]) for i, j in self._pairs]
+        items = [(self.items[i], self.items[j]) for i, j in self.pairs]
         return [_Rows.of(self._apart(*each)) for pair in items for each in (pair, pair[::-1])]
 
     @cached_property
@@ -183,7 +183,7 @@ class Programme:
             if clash is None:
                 bound, found = solved.pace, self._complete(order, solved)
                 continue
-            first, second = (solved.middle(self.items[item]) for item in self._pairs[clash])
+            first, second = (solved.middle(self.items[item]) for item in self.pairs[clash])
             ways = (2 * clash + 1, 2 * clash)  # the likelier order comes last, and is tried first
             pending += [(*order, way) for way in (ways[::-1] if first > second else ways) if possible[way]]
         if found is not None and pending:
@@ -199,7 +199,7 @@ class Programme:
         np.maximum.at(longest, (self.rows.earlier, self.rows.later), -self.rows.room)
         for middle in range(count):
             np.maximum(longest, longest[:, middle, None] + longest[middle], out=longest)
-        if not self._pairs:
+        if not self.pairs:
             return np.zeros(0, dtype=bool)
         rows, starts = self._all_ways
         return np.logical_and.reduceat(longest[rows.later, rows.earlier] - rows.room <= _TOLERANCE, starts)
@@ -224,7 +224,7 @@ class Programme:
     def _order(self, sequence: Sequence[int]) -> tuple[int, ...]:
         """The order of all pairs, where the items come in a sequence."""
         rank = {item: number for number, item in enumerate(sequence)}
-        return tuple(2 * pair + (rank[i] > rank[j]) for pair, (i, j) in enumerate(self._pairs))
+        return tuple(2 * pair + (rank[i] > rank[j]) for pair, (i, j) in enumerate(self.pairs))
 
     def _length(self, sequence: Sequence[int]) -> float:
         """The way from the start to all items in a sequence."""
@@ -237,9 +237,9 @@ class Programme:
         None where the windows leave no room, whatever excludes what.
         """
         free = self._free
-        if free is None or not self._pairs:
+        if free is None or not self.pairs:
             return None
-        middles = [[free.middle(self.items[item]) for item in pair] for pair in self._pairs]
+        middles = [[free.middle(self.items[item]) for item in pair] for pair in self.pairs]
         order = [2 * k + (first > second) for k, (first, second) in enumerate(middles)]
         solved = self._fastest(order, elastic=True)
         if solved is None:
@@ -248,7 +248,7 @@ class Programme:
         worst = int(np.argmax(over))
         if over[worst] <= 0:
             return None
-        i, j = self._pairs[worst]
+        i, j = self.pairs[worst]
         first, second = (self._told(free, item) for item in ((i, j) if order[worst] % 2 == 0 else (j, i)))
         return f"{first} and {second} exclude each other; steps missing: {max(1, round(over[worst]))}"
 
@@ -280,7 +280,7 @@ class Programme:
         A method pays for being near a goal at once, so a robot arrives as soon as it can. It does not learn to wait.
         """
         rows = list[_Row]()
-        for i, j in self._pairs:
+        for i, j in self.pairs:
             event, held = self.items[i], self.items[j]
             if not isinstance(event, Event) or not isinstance(held, Held):
                 continue
@@ -306,13 +306,13 @@ class Programme:
 
     def _open(self, order: Sequence[int]) -> Flags:
         """Of each pair, whether its order is not decided."""
-        found = np.ones(len(self._pairs), dtype=bool)
+        found = np.ones(len(self.pairs), dtype=bool)
         found[np.array(order, dtype=np.int64) // 2] = False
         return found
 
     def _are_apart(self, solved: _Point) -> Flags:
         """Of each pair, whether its items are apart in a solution, in the one order and in the other (n, 2)."""
-        if not self._pairs:
+        if not self.pairs:
             return np.ones((0, 2), dtype=bool)
         rows, starts = self._all_ways
         kept = rows.left(solved.values, solved.pace) >= -1e-5

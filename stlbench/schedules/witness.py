@@ -5,7 +5,7 @@ A mixed-integer programme chooses where each witness meets each event, and the w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,13 +30,15 @@ def times_around(programme: Programme, traces: Array, names: Sequence[str]) -> t
         None where the traces are not all of this plan.
     """
     model = _Model(programme, traces.shape[1])
-    for item in programme.items:
-        true = stl.holds(item.psi, tuple(names))(traces)
-        for row in true:
+    for trace in traces:
+        met = dict[int, At]()
+        for place, item in enumerate(programme.items):
+            runs = _runs(stl.holds(item.psi, tuple(names))(trace))
             if isinstance(item, Event):
-                model.meet(item, _runs(row))
+                met[place] = model.meet(item, runs)
             else:
-                model.keep(item, _runs(row))
+                model.keep(item, runs)
+        model.leave_time(met)
     found = model.solved({model.margin: -1.0}, 0)
     if found is None:
         return None
@@ -56,25 +58,34 @@ class _Model:
     """Variables: those of the plan; the margin; then steps at which events are met, and choices, which are 0 or 1."""
 
     def __init__(self, programme: Programme, samples: int) -> None:
-        self._items, self._big = programme.items, 2.0 * samples
+        self._items, self._big = programme.items, 4.0 * samples
         self.margin = programme.plan.variables
         self._choice = [False] * (self.margin + 1)
         self._rows, self._most = list[dict[int, float]](), list[float]()
         for earlier, later, gap in programme.rows.between():
             self._order(earlier, later, gap)
-        for pair in zip(programme.ways[::2], programme.ways[1::2], strict=True):
-            for choice, way in zip(self._choices(2), pair, strict=True):
+        self._turns = dict[tuple[int, int], int]()
+        for (i, j), *both in zip(programme.pairs, programme.ways[::2], programme.ways[1::2], strict=True):
+            for turn, choice, way in zip([(i, j), (j, i)], self._choices(2), both, strict=True):
+                self._turns[turn] = choice
                 for earlier, later, gap in way.between():
                     self._order(earlier, later, gap, choice)
 
-    def meet(self, event: Event, runs: Sequence[tuple[int, int]]) -> None:
-        """Let a witness that is in a region in these runs meet the event."""
+    def meet(self, event: Event, runs: Sequence[tuple[int, int]]) -> At:
+        """Let a witness that is in a region in these runs meet the event; the step."""
         step = At(0, self._variable())
         self._order(event.begin, step)
         self._order(step, event.end, margin=1.0)
         for choice, (begin, end) in zip(self._choices(len(runs)), runs, strict=True):
             self._order(At(begin), step, choice=choice)
             self._order(step, At(end - event.stay), choice=choice)
+        return step
+
+    def leave_time(self, met: Mapping[int, At]) -> None:
+        """A robot that meets an event at the end of its window has the time of a witness for the way to the next."""
+        for (first, second), choice in self._turns.items():
+            if first in met and second in met:
+                self._row([self._items[first].end, met[second]], [self._items[second].end, met[first]], choice=choice)
 
     def keep(self, held: Held, runs: Sequence[tuple[int, int]]) -> None:
         """Let a witness for which a condition holds in these runs keep it, or let it be held at no step."""
@@ -131,10 +142,16 @@ class _Model:
 
     def _order(self, earlier: At, later: At, gap: int = 0, choice: int | None = None, margin: float = 0.0) -> None:
         """earlier + gap + margin <= later, if a choice is made."""
-        row, most = dict[int, float](), float(later.offset - earlier.offset - gap)
-        for at, sign in ((earlier, 1.0), (later, -1.0)):
-            if at.variable is not None:
-                row[at.variable] = row.get(at.variable, 0.0) + sign
+        self._row([earlier + gap], [later], choice, margin)
+
+    def _row(self, less: Sequence[At], more: Sequence[At], choice: int | None = None, margin: float = 0.0) -> None:
+        """The sum of some steps, and the margin, is at most that of others, if a choice is made."""
+        row, most = dict[int, float](), 0.0
+        for steps, sign in ((less, 1.0), (more, -1.0)):
+            for at in steps:
+                most -= sign * at.offset
+                if at.variable is not None:
+                    row[at.variable] = row.get(at.variable, 0.0) + sign
         if margin:
             row[self.margin] = margin
         if choice is not None:

@@ -47,7 +47,11 @@ RESPONSE = "F[0,30] A & G[0,30] (A -> F[0,20] B)"
     ("formula", "visits", "margin"),
     [
         (CHAIN, [{"a": (10, 10), "b": (30, 30)}], 10),  # B by 40, 30 steps after the window of A begins
-        (CHAIN, [{"a": (10, 10), "b": (30, 30)}, {"a": (14, 14), "b": (24, 24)}], 10),  # both
+        (
+            CHAIN,
+            [{"a": (10, 10), "b": (30, 30)}, {"a": (14, 14), "b": (24, 24)}],
+            6,
+        ),  # A by 20, as the first takes 20 steps to B
         (CHAIN, [{"a": (10, 16), "b": (30, 30)}], 14),  # A may be met as late as at 16, and then B by 46
         (RESPONSE, [{"a": (12, 15), "b": (25, 25)}], 7),  # B by 32, 20 steps after the first A
         (PATROL, [{"a": (10, 10), "b": (30, 30), "a2": (40, 40)}], 0),  # B at 30 serves 0..30
