@@ -45,27 +45,35 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[
     Raises:
         UnscheduledError: there is none.
     """
-    found = list[tuple[Schedule, tuple[int, int, float]]]()
+    found = list[Schedule]()
     try:
         timed = _timed(formula, regions, hold, last)
     except UnscheduledError:  # perhaps there are windows shorter than the time for which an action is held
         timed = _timed(formula, regions, 0, last)
     for plan, times in timed:
         if terms := plan.terms(times.values):
-            goals = [term for term in terms if term.kind != "G" or (term.a and regions.distance(None, term.psi))]
-            held = sum(term.b - term.a for term in goals if term.kind == "G")
-            schedule = Schedule(terms, times.pace)
-            found.append((schedule, (len(goals) + (held > 0), len(terms), -round(times.pace, 6))))
+            found.append(Schedule(terms, times.pace))
     if not found and timed:
         raise UnscheduledError("every trace satisfies the formula")
-    enough = ALIKE * max(schedule.pace for schedule, _ in found)
-    near = sorted((each for each in found if each[0].pace >= enough), key=lambda each: each[1])
-    rest = sorted((each for each in found if each[0].pace < enough), key=lambda each: -each[0].pace)
-    return list(dict.fromkeys(schedule for schedule, _ in near + rest))
+    enough = ALIKE * max(schedule.pace for schedule in found)
+    near = [each for each in found if each.pace >= enough]
+    near.sort(key=lambda each: (*_goals_and_terms(each, regions), -round(each.pace, 6)))
+    rest = sorted((each for each in found if each.pace < enough), key=lambda each: -each.pace)
+    return list(dict.fromkeys(near + rest))
+
+
+def _goals_and_terms(schedule: Schedule, regions: Regions) -> tuple[int, int]:
+    """How many there are; what has to hold for a while, elsewhere than at the start, is a goal too."""
+    terms = schedule.terms
+    goals = [term for term in terms if term.kind != "G" or (term.a and regions.distance(None, term.psi))]
+    held = sum(term.b - term.a for term in goals if term.kind == "G")
+    return len(goals) + (held > 0), len(terms)
 
 
 def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Array) -> Schedule | None:
     """The schedule whose windows leave the most time after witnesses have met them; None where there is none.
+
+    Of those that leave nearly as much, it has the fewest goals, then the fewest terms.
 
     Args:
         formula, regions, hold, last: as for `schedules`.
@@ -75,13 +83,15 @@ def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Arr
         UnscheduledError: as `schedules`.
     """
     for width in (hold, 0):  # as in `schedules`
-        best, most = None, -1
+        found = list[tuple[int, Schedule]]()
         for programme in _programmes(formula, regions, width, last)[:MOST_AROUND]:
-            found = times_around(programme, traces, tuple(regions.box))
-            if found is not None and found[0] > most and (terms := programme.plan.terms(found[1].values)):
-                most, best = found[0], Schedule(terms, found[1].pace)
-        if best is not None:
-            return best
+            fitted = times_around(programme, traces, tuple(regions.box))
+            if fitted is not None and (terms := programme.plan.terms(fitted[1].values)):
+                found.append((fitted[0], Schedule(terms, fitted[1].pace)))
+        if found:
+            enough = ALIKE * max(margin for margin, _ in found)
+            near = [each for each in found if each[0] >= enough]
+            return min(near, key=lambda each: (*_goals_and_terms(each[1], regions), -each[0]))[1]
     return None
 
 
