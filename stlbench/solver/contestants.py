@@ -81,13 +81,13 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
 
 
 def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Contestant, ...]:
-    """As many contestants, of which the last is the first one of before where there is a schedule around witnesses.
+    """All contestants along the first of some choices, then the first of all along the others.
 
-    The others follow that schedule: the probe learned nothing along the other one.
+    The first is the schedule around witnesses where there is one: the probe learned nothing along the other.
     """
-    best, other = choices[0], choices[1:]
-    others = [replace(racing[0], task=choice) for choice in other]
-    return (*(replace(each, task=best) for each in racing[: max(1, _MOST - len(others))]), *others)
+    best, *others = choices
+    first = [replace(racing[0], task=choice) for choice in others]
+    return (*(replace(each, task=best) for each in racing), *first)
 
 
 def _reasons(task: Task) -> Iterator[str]:

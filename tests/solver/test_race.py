@@ -208,13 +208,13 @@ def test_methods_that_race() -> None:
 
 
 def test_who_races_along_witnesses() -> None:
-    """Three follow the schedule around witnesses, and the first also the other one. Without it nothing changes."""
+    """All follow the schedule around witnesses, and the first also the other one. Without it nothing changes."""
     racing = tuple(Contestant(method, "dqn") for method in ("funnel", "raw", "counters", "dense"))
     assert along(racing, [TASK]) == racing
     witnessed = parse_choice("task[schedule=witness]")
     found = along(racing, [witnessed, TASK])
-    assert [each.method for each in found] == ["funnel", "raw", "counters", "funnel"]
-    assert [each.task for each in found] == [witnessed] * 3 + [TASK]
+    assert [each.method for each in found] == ["funnel", "raw", "counters", "dense", "funnel"]
+    assert [each.task for each in found] == [witnessed] * 4 + [TASK]
     assert str(found[0]) == "funnel along witnesses"
 
 
