@@ -36,20 +36,20 @@ MOST_NODES = 1500
 """Linear programmes that are solved for all alternatives of a formula, before the last one is begun."""
 
 
-def schedules(formula: Formula, regions: Regions, hold: int, last: int) -> list[Schedule]:
+def schedules(formula: Formula, regions: Regions, hold: int, last: int, share: float = 1.0) -> list[Schedule]:
     """The schedules of a formula, one for each alternative that has one, the best first.
 
     The best one has the fewest goals, then the fewest terms, then the greatest pace, among those whose pace is nearly
-    the greatest. The others follow by their pace.
+    the greatest. The others follow by their pace. Windows are as wide as they can be at this pace, or at a share of it.
 
     Raises:
         UnscheduledError: there is none.
     """
     found = list[Schedule]()
     try:
-        timed = _timed(formula, regions, hold, last)
+        timed = _timed(formula, regions, hold, last, share)
     except UnscheduledError:  # perhaps there are windows shorter than the time for which an action is held
-        timed = _timed(formula, regions, 0, last)
+        timed = _timed(formula, regions, 0, last, share)
     for plan, times in timed:
         if terms := plan.terms(times.values):
             found.append(Schedule(terms, times.pace))
@@ -107,7 +107,7 @@ def _programmes(formula: Formula, regions: Regions, hold: int, last: int) -> lis
     return [Programme(plan, regions, hold) for plan in possible]
 
 
-def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tuple[Plan, Times]]:
+def _timed(formula: Formula, regions: Regions, hold: int, last: int, share: float) -> list[tuple[Plan, Times]]:
     """The alternatives that have times. Of very many, or hard ones, those are searched that may be fastest."""
     programmes = _programmes(formula, regions, hold, last)
     bounds = [(bound, place) for place, each in enumerate(programmes) if (bound := each.bound) is not None]
@@ -115,7 +115,7 @@ def _timed(formula: Formula, regions: Regions, hold: int, last: int) -> list[tup
         raise UnscheduledError(f"its windows do not fit into the steps 0 to {last}, or leave each other no room")
     nodes, found = 0, dict[int, Times]()
     for _, place in sorted(bounds, key=lambda each: -each[0]):
-        if nodes < MOST_NODES and (times := programmes[place].best()) is not None:
+        if nodes < MOST_NODES and (times := programmes[place].best(share)) is not None:
             found[place] = times
         nodes += programmes[place].nodes
     if not found:

@@ -165,8 +165,8 @@ class Programme:
         """The greatest pace of any order, or more; None where no order has times."""
         return None if self._free is None else self._free.pace
 
-    def best(self) -> Times | None:
-        """The times of the greatest pace; None where all exclude each other."""
+    def best(self, share: float = 1.0) -> Times | None:
+        """The widest windows at the greatest pace, or at a share of it; None where all exclude each other."""
         self.nodes = 0
         possible = self._possible()
         if self._free is None or not possible.reshape(-1, 2).any(axis=1).all():
@@ -188,7 +188,7 @@ class Programme:
             pending += [(*order, way) for way in (ways[::-1] if first > second else ways) if possible[way]]
         if found is not None and pending:
             found = self._rearranged(found, bound, possible)
-        return None if found is None else self._settled(found)
+        return None if found is None else self._settled(found, share)
 
     def _possible(self) -> Flags:
         """Of each way, whether the rows leave room for it at any pace."""
@@ -257,7 +257,7 @@ class Programme:
         begin, end = (round(solved.at(step)) for step in (each.begin, each.end))
         return f"{each.psi} in {begin}..{end}"
 
-    def _settled(self, order: tuple[int, ...]) -> Times:
+    def _settled(self, order: tuple[int, ...], share: float) -> Times:
         """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them.
 
         The order is complete: wider windows must not overlap where the narrow ones did not.
@@ -270,7 +270,7 @@ class Programme:
         else:
             early = []
         pace = solved.pace
-        widest = self._widest(order, early, pace) or solved  # None by rounding errors
+        widest = self._widest(self._with(order, early), pace, share) or solved  # None by rounding errors
         values = np.floor(widest.values[:-1] + _TOLERANCE).astype(int)
         return Times(max(0.0, pace), tuple(values.tolist()))
 
@@ -333,16 +333,35 @@ class Programme:
         cost[-1] = 1.0 if elastic else -1.0
         return _solved(rows, cost, 0.0)
 
-    def _widest(self, order: Sequence[int], further: Sequence[_Row], pace: float) -> _Point | None:
+    def _widest(self, rows: _Rows, pace: float, share: float) -> _Point | None:
         """The widest windows at a pace."""
+        if share < 1:
+            return self._roomy(replace(rows, room=rows.room - share * pace * rows.distance, distance=0 * rows.distance))
+        return _solved(rows, self._narrow, pace * (1 - _TOLERANCE))
+
+    @property
+    def _narrow(self) -> Array:
+        """The cost of narrow windows, and of what is held for long."""
         cost = np.zeros(self.plan.variables + 1)
-        for event in self.plan.events:
-            _add(cost, event.begin, 1.0)
-            _add(cost, event.end, -1.0)
-        for held in self.plan.held:
-            _add(cost, held.begin, -HELD_COST)
-            _add(cost, held.end, HELD_COST)
-        return _solved(self._with(order, further), cost, pace * (1 - _TOLERANCE))
+        for item in self.items:
+            factor = -1.0 if isinstance(item, Event) else HELD_COST
+            _add(cost, item.end, factor)
+            _add(cost, item.begin, -factor)
+        return cost
+
+    def _roomy(self, rows: _Rows) -> _Point | None:
+        """Windows of which the narrowest is as wide as possible, in the middle of where they may be."""
+        alike = _Rows.joined([rows, _Rows.of([_Row(each.begin, each.end, 0, 1.0) for each in self.plan.events])])
+        least = _solved(alike, np.append(np.zeros(self.plan.variables), -1.0), 0.0)
+        widest = None if least is None else _solved(alike, self._narrow, least.pace * (1 - _TOLERANCE))
+        if widest is None:
+            return None
+        widths = [
+            _Row(each.begin, each.end, int(widest.at(each.end) - widest.at(each.begin))) for each in self.plan.events
+        ]
+        kept, later = _Rows.joined([rows, _Rows.of(widths)]), np.append(np.ones(self.plan.variables), 0.0)
+        found = [solved.values for cost in (later, -later) if (solved := _solved(kept, cost, 0.0)) is not None]
+        return _Point(np.mean(found or [widest.values], axis=0), 0.0)
 
 
 def _moved(sequence: Sequence[int]) -> Iterator[list[int]]:

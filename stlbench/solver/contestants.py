@@ -53,7 +53,9 @@ class Contestant:
         return cls(str(result.id.method), str(result.id.agent.without(INIT)), result.id.task)
 
     def __str__(self) -> str:
-        return self.method if self.task == TASK else f"{self.method} along witnesses"
+        return (
+            self.method if self.task == TASK else f"{self.method} by schedule {dict(self.task.parameters)['schedule']}"
+        )
 
 
 def resumes(agent: str) -> bool:
@@ -81,9 +83,9 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
 
 
 def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Contestant, ...]:
-    """All contestants along the first of some choices, then the first of all along the others.
+    """All contestants by the first of some schedules, then the first of all by the others.
 
-    The first is the schedule around witnesses where there is one: the probe learned nothing along the other.
+    The last schedule is the one of the probe, which learned nothing.
     """
     best, *others = choices
     first = [replace(racing[0], task=choice) for choice in others]

@@ -178,7 +178,7 @@ class Delivery:
         cell = self.best.id
         yield f"Trained by {cell.method} with {cell.agent}, seed {cell.seed}, on the track auto."
         if cell.task != TASK:
-            yield f"It followed windows around episodes that satisfy: `{task.file.schedule}`."
+            yield f"It followed these windows: `{task.file.schedule}`."
         yield from self._comparison()
         if attacked is not None:
             yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."

@@ -22,7 +22,7 @@ from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
 from stlbench.rollout.auto import regions, scheduled
-from stlbench.schedules.schedule import around
+from stlbench.schedules.schedule import around, schedules
 from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
@@ -32,8 +32,10 @@ from stlbench.task.reading import file_of
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
 _ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
-WITNESSED = "witness"
-"""The schedule around witnesses, in the task file."""
+WITNESSED, WIDE = "witness", "wide"
+"""Schedules in the task file: around witnesses, and with wider windows at a share of the greatest pace."""
+_SHARE = 0.7
+"""The windows are then so wide that a goal can be reached in 70 % of the time that there is at most."""
 _WITNESSES = 4
 """Starts of training from which one is searched, at most."""
 _LOOK = 0.03
@@ -83,11 +85,11 @@ class Posed:
 
     @property
     def choices(self) -> tuple[Choice, ...]:
-        """The task, and with a schedule around witnesses where there is one; this one comes first."""
+        """The task with another schedule, if it has one, and the task."""
         return (*(Choice(TASK.name, (("schedule", name),)) for name in self.task.file.schedules), TASK)
 
     def search(self, seconds: float) -> str | None:
-        """Search for witnesses, and keep the first and a schedule around them; what to say of it, once."""
+        """Search for witnesses, keep the first, and write another schedule; what to say of it, once."""
         if self.state.get("searched"):
             return None
         task, given = self.task, min(_SEARCHED, _SEARCH * seconds)
@@ -102,26 +104,29 @@ class Posed:
             if found[0].satisfies:
                 facts = {name: getattr(found[0], name) for name in ("robustness", "episodes", "actions")}
                 write(self.folder / WITNESS, json.dumps({"start": starts[0].tolist()} | facts))
-                self._follow(np.stack([each.trace for each in found if each.satisfies]))
+        traces = [each.trace for each in found if each.satisfies]
+        self._follow(np.array(traces).reshape(len(traces), task.file.steps + 1, len(task.signals)))
         note = tries.of_search(found[0] if found else None)
         self.remember(searched=True, notes=[*self.state["notes"], note])
         return note
 
     def _follow(self, traces: Array) -> None:
-        """Write the schedule around witnesses (n, T + 1, k), unless the task has none or follows it anyway.
+        """Write another schedule, unless the task has none: around witnesses (n, T + 1, k), else with wider windows.
 
         A witness is left out where no windows serve it and those before it.
         """
-        task, file = self.task, self.task.file
+        task, file, known = self.task, self.task.file, regions(self.task)
         if (own := scheduled(task)) is None:
             return
-        kept, schedule = traces[:0], None
+        kept, found = traces[:0], None
         for trace in traces:
             more = np.concatenate([kept, trace[None]])
-            if (found := around(file.formula, regions(task), file.hold, file.steps, more)) is not None:
-                kept, schedule = more, found.formula
-        if schedule not in (None, own):
-            self._change(schedules={WITNESSED: str(schedule)})
+            if (schedule := around(file.formula, known, file.hold, file.steps, more)) is not None:
+                kept, found = more, schedule
+        name = WIDE if found is None else WITNESSED
+        found = found or schedules(file.formula, known, file.hold, file.steps, _SHARE)[0]
+        if found.formula != own:
+            self._change(schedules={name: str(found.formula)})
 
     def begin(self, minutes: float) -> None:
         """Forget methods and budgets that were chosen for another time."""

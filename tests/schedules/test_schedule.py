@@ -177,3 +177,16 @@ def test_goals_that_exclude_each_other_have_windows_apart(name: str) -> None:
     goals = [term for term in schedule.terms if term.kind != "G"]
     for first, second in combinations(sorted(goals, key=lambda term: term.end), 2):
         assert first.psi == second.psi or first.end <= second.start
+
+
+def test_windows_at_a_share_of_the_pace_are_wide_and_in_the_middle() -> None:
+    """From 0 to A at 1 and then to B at -1: at most 30 steps from the begin of A's window to the end of B's.
+
+    B needs half of these, so A's window has the other half. It may begin at 0 to 15 or so.
+    """
+    formula, regions = stl.parse("F[0,30] (x >= 1 & F[0,30] x <= -1)"), Regions({"x": (-1, 1)}, {}, np.zeros((1, 1)))
+    (narrow, *_), (wide, *_) = (schedules(formula, regions, 1, 60, share) for share in (1.0, 0.5))
+    assert [(term.start, term.end) for term in narrow.terms] == [(13, 14), (14, 43)]
+    ends = [end for term in wide.terms for end in (term.start, term.end)]
+    assert ends == pytest.approx([7, 22, 22, 37], abs=1)
+    assert wide.pace == narrow.pace  # of the narrow windows, by which alternatives are compared

@@ -207,15 +207,15 @@ def test_methods_that_race() -> None:
     assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
 
 
-def test_who_races_along_witnesses() -> None:
-    """All follow the schedule around witnesses, and the first also the other one. Without it nothing changes."""
+def test_who_races_by_another_schedule() -> None:
+    """All follow it, and the first also the schedule of the probe. Without another schedule nothing changes."""
     racing = tuple(Contestant(method, "dqn") for method in ("funnel", "raw", "counters", "dense"))
     assert along(racing, [TASK]) == racing
     witnessed = parse_choice("task[schedule=witness]")
     found = along(racing, [witnessed, TASK])
     assert [each.method for each in found] == ["funnel", "raw", "counters", "dense", "funnel"]
     assert [each.task for each in found] == [witnessed] * 4 + [TASK]
-    assert str(found[0]) == "funnel along witnesses"
+    assert str(found[0]) == "funnel by schedule witness"
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
