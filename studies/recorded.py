@@ -110,12 +110,6 @@ def first_field(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if first.setdefault((row["budget"], row["track"]), row["tasks"]) == row["tasks"]]
 
 
-def estimate(row: Row, name: str, digits: int) -> str:
-    """ "2.4 [1.6, 3.2]": a column of the aggregates over tasks, with its interval."""
-    low, high = row[f"{name} 95 % interval low"], row[f"{name} 95 % interval high"]
-    return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
-
-
 def markdown(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 0) -> str:
     """A table; `right` columns after the first are aligned to the right."""
     rule = ["---", *["--:"] * right, *["---"] * (len(header) - 1 - right)]
