@@ -75,19 +75,14 @@ def _by_task(methods: Sequence[str], shown: Callable[[Row | None], str]) -> str:
 
 
 def tracks() -> str:
-    """One row per task and method of the tracks `plain` and `tuned`, one column per track; no trivial tasks."""
-    found = {track: learned_by(track) for track in ("plain", "tuned")}
-    trivial = {row["task"] for row in rows("controllers") if row["trivial"]}
-    keys = [
-        (task, method)
-        for task, method in learned_by("shared")
-        if method in RIVALS and task not in trivial and {(task, method)} & {*found["plain"], *found["tuned"]}
-    ]
+    """One row per task of the track `tuned`, one column per method; no trivial tasks."""
+    found, trivial = learned_by("tuned"), {row["task"] for row in rows("controllers") if row["trivial"]}
     body = [
-        [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method)), interval=False) for track in found)]
-        for task, method in keys
+        [f"`{task}`", *(entry(found.get((task, method)), interval=False) for method in RIVALS)]
+        for task in dict.fromkeys(task for task, _ in learned_by("shared"))
+        if task not in trivial and any((task, method) in found for method in RIVALS)
     ]
-    return markdown(["task", "method", *(f"`{track}`" for track in found)], body)
+    return markdown(["task", *(f"`{method}`" for method in RIVALS)], body)
 
 
 def compared(folder: str, track: str) -> dict[tuple[str, str, str], str]:

@@ -113,4 +113,5 @@ def first_field(rows: Sequence[Row]) -> list[Row]:
 def markdown(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 0) -> str:
     """A table; `right` columns after the first are aligned to the right."""
     rule = ["---", *["--:"] * right, *["---"] * (len(header) - 1 - right)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in (header, rule, *body))
+    shown, *others = (f"| {' | '.join(line)} |" for line in (header, *body))
+    return "\n".join((shown, f"|{'|'.join(rule)}|", *others))

@@ -175,8 +175,8 @@ def _shown(figure: Figure, form: str) -> str:
 
 
 def _grid(title: str, header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    rows = [header, ["---", *["--:"] * (len(header) - 1)], *lines]
-    return f"**{title}**\n\n" + "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    shown, *others = (f"| {' | '.join(row)} |" for row in (header, *lines))
+    return f"**{title}**\n\n" + "\n".join((shown, "|---" + "|--:" * (len(header) - 1) + "|", *others))
 
 
 def horizons(figures: Mapping[str, Figure]) -> list[int]:
