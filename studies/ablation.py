@@ -78,15 +78,15 @@ def ablations(track: str = "shared") -> tuple[Ablation, ...]:
 SIGNS = {"worse": " worse", "better": " better"}
 
 
-def derived() -> list[list[str]]:
-    """Lines of the table of `auto`, for `raw`: task, all rules, then without each.
+def derived(parts: Sequence[str]) -> list[list[str]]:
+    """Lines of the table of `auto`, for `raw`: task, all rules, then without each of some parts.
 
     An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides.
     """
     found = {each.task: each.whole for each in ablations("auto")}
     without = {(each.task, each.part): each for each in ablations("auto")}
     return [
-        [f"`{task}`", _short(whole), *(_entry(without.get((task, part))) for part in DERIVED)]
+        [f"`{task}`", _short(whole), *(_entry(without.get((task, part))) for part in parts)]
         for task, whole in sorted(found.items())
     ]
 

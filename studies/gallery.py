@@ -42,8 +42,7 @@ FRAMES = 75
 """In a film, at most about so many."""
 
 WHO = {
-    "by hand": "Controller",
-    "at random": "Random actions, since no policy has learned it yet",
+    "at random": "Random actions, since no policy has learned it yet.",
 }
 
 Act = Callable[[Simulator], Integers | Array]
@@ -172,9 +171,8 @@ def page(filmed: dict[str, Filmed]) -> str:
 
 _HEAD = """# Gallery of tasks
 
-What do the {count} tasks of stlbench look like? Click a picture to play its film: the task itself, the path in its
-plane, or its signals against time, with the regions of the formula. The start has the median robustness of 16.
-[Tasks](reference/tasks.md) has formulas and sources.
+What do the {count} tasks of stlbench look like? Click a picture to play its film. Unless it says otherwise, the task's
+controller acts. [Tasks](reference/tasks.md) has formulas and sources.
 """
 
 
@@ -182,11 +180,12 @@ def _entry(task: Task, filmed: Filmed) -> str:
     name = task.name
     size = f'width="{filmed.width}" height="{filmed.height}"'
     picture = f"![{name}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}"
+    who = "" if filmed.by == "by hand" else " " + WHO.get(filmed.by, f"Policy `{filmed.by}`.")
     return f"""## {name}
 
 [{picture}](figures/gallery/{name}.webp){{ .film }}
 
-{task.file.title}. {WHO.get(filmed.by, f"Policy `{filmed.by}`")}: robustness {filmed.robustness:.3g}.
+{task.file.title}.{who}
 """
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import recorded
-from recorded import Row, estimate, markdown, number
+from recorded import Row, markdown, number
 
 from stlbench import Results
 
@@ -65,30 +65,24 @@ def _by_task(methods: Sequence[str], shown: Callable[[Row | None], str]) -> str:
     standards = {row["task"]: row for row in rows("controllers")}
     body = [
         [
-            f"`{task}`",
-            number(standards[task]["zero action"]) + (", trivial" if standards[task]["trivial"] else ""),
+            f"`{task}`" + (", trivial" if standards[task]["trivial"] else ""),
             number(standards[task]["mean robustness"]),
             *(shown(found.get((task, method))) for method in methods),
         ]
         for task in dict.fromkeys(task for task, _ in found)
     ]
-    return markdown(["task", "zero", "by hand", *(f"`{method}`" for method in methods)], body, right=2)
+    return markdown(["task", "by hand", *(f"`{method}`" for method in methods)], body, right=1)
 
 
 def tracks() -> str:
-    """One row per task and method that more than one track has, one column per track; no trivial tasks."""
-    found = {track: learned_by(track) for track in ("plain", "shared", "tuned")}
-    trivial = {row["task"] for row in rows("controllers") if row["trivial"]}
-    keys = [
-        (task, method)
-        for task, method in found["shared"]
-        if method in RIVALS and task not in trivial and {(task, method)} & {*found["plain"], *found["tuned"]}
-    ]
+    """One row per task of the track `tuned`, one column per method; no trivial tasks."""
+    found, trivial = learned_by("tuned"), {row["task"] for row in rows("controllers") if row["trivial"]}
     body = [
-        [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method)), interval=False) for track in found)]
-        for task, method in keys
+        [f"`{task}`", *(entry(found.get((task, method)), interval=False) for method in RIVALS)]
+        for task in dict.fromkeys(task for task, _ in learned_by("shared"))
+        if task not in trivial and any((task, method) in found for method in RIVALS)
     ]
-    return markdown(["task", "method", *(f"`{track}`" for track in found)], body)
+    return markdown(["task", *(f"`{method}`" for method in RIVALS)], body)
 
 
 def compared(folder: str, track: str) -> dict[tuple[str, str, str], str]:
@@ -111,29 +105,8 @@ def verdicts() -> str:
     return "\n".join(f"- {verdict}: {', '.join(tasks)}" for verdict, tasks in items.items())
 
 
-def across() -> str:
-    """One row per method: on how many tasks it fits, and aggregates over these, without trivial tasks, track shared."""
-    found = [row for row in recorded.first_field(rows("aggregates")) if row["track"] == "shared"]
-    body = [
-        [f"`{row['method']}`", row["fits"], *(estimate(row, name, digits) for name, digits in _ESTIMATES)]
-        for row in found
-    ]
-    return markdown(["method", "fits", "IQM", "mean", "rank"], body)
-
-
-_ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
-"""Columns, and how many decimals they have."""
-
-
-def of_setting(cells: Sequence[Row], setting: Row) -> list[Row]:
-    """The finished cells that a row of the table of robustness is about: none of an agent that plans."""
-    same = ("task", "method", "agent", "budget", "track")
-    return [row for row in cells if row["status"] == "done" and all(row[part] == setting[part] for part in same)]
-
-
 _MEASURES = (
     ("the paper's, one start, steps 100..200", "paper", ("0.938", "0.102")),
-    ("the formula, from the centre, at most 1", "centre", ("", "")),
     ("the formula, 1,000 random starts, at most .397", "random", ("", "")),
 )
 """Text, protocol, and what the paper reports of funnel and flag."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import recorded
+from page_suite import form
 from recorded import Row, markdown
 
 from stlbench_tasks.suite.templates import TEMPLATES
@@ -14,12 +15,12 @@ ENOUGH = 0.95
 """A task is learned if the policy satisfies it from this share of the random starts, in both seeds."""
 
 
-def learned(rows: Iterable[Row], column: str = "satisfaction") -> dict[str, set[str]]:
-    """The tasks that each method learned in both seeds, by the selected policy or another column's."""
+def learned(rows: Iterable[Row]) -> dict[str, set[str]]:
+    """The tasks that each method learned in both seeds, by the selected policy."""
     shares = dict[tuple[str, str], list[float]]()
     for row in rows:
         if row["status"] == "done":
-            shares.setdefault((row["method"], row["task"]), []).append(float(row[column]))
+            shares.setdefault((row["method"], row["task"]), []).append(float(row["satisfaction"]))
     both = {key for key, values in shares.items() if len(values) >= 2 and min(values) >= ENOUGH}
     return {method: {task for own, task in both if own == method} for method in METHODS}
 
@@ -27,19 +28,20 @@ def learned(rows: Iterable[Row], column: str = "satisfaction") -> dict[str, set[
 def table() -> str:
     """One row per template: the tasks that `raw`, `funnel`, or one of them learned with schedules.
 
-    Beside it what one of them learned without a schedule, by final policies, and with the longer budget too.
+    Beside it what one of them learned without a schedule, and with the longer budget too.
     """
     now = recorded.table("suite-schedules", "cells")
-    selected, final = learned(now), learned(now, "final_satisfaction")
+    selected = learned(now)
     before = _either(learned(row for row in recorded.table("suite-core", "cells") if row["method"] in METHODS))
     longer = _either(selected) | _either(learned(recorded.table("suite-schedules-long", "cells")))
-    columns = (before, selected["raw"], selected["funnel"], _either(selected), _either(final), longer)
+    columns = (before, selected["raw"], selected["funnel"], _either(selected), longer)
     body = []
     for template in (*TEMPLATES, "all"):
         own = {row["task"] for row in now if template in (row["template"], "all")}
-        counts = [str(len(each & own)) for each in columns]
-        body.append([f"`{template}`" if template in TEMPLATES else template, str(len(own)), *counts])
-    header = ["", "tasks", "without", "`raw`", "`funnel`", "either", "final", "longer"]
+        counts = [str(len(each & own)) for each in (own, *columns)]
+        text = ["all", ""] if template == "all" else [f"`{template}`", f"`{form(template)}`".replace("|", "\\|")]
+        body.append([*text, *counts])
+    header = ["template", "formula", "tasks", "without", "`raw`", "`funnel`", "either", "longer"]
     return markdown(header, body, right=len(header) - 1)
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from statistics import fmean, median
+from statistics import fmean
 
 import recorded
 from recorded import Row, markdown
 
 from stlbench.report.tables.sampled import common
 from stlbench_tasks.suite.formulas import table as suite_table
-from stlbench_tasks.suite.systems import SYSTEMS
 from stlbench_tasks.suite.templates import TEMPLATES
 
 REFUSED = ("trivial", "unknown", "cramped")
@@ -19,41 +18,31 @@ REFUSED = ("trivial", "unknown", "cramped")
 
 
 def drawn() -> str:
-    """One row per template: its tasks on all systems, and the gap from witness to bound. Then what was refused."""
+    """A sentence: how many tasks there are, and what was refused."""
     accepted, refused = suite_table()["accepted"], suite_table()["refused"]
-    body = []
-    for template in (*TEMPLATES, "all"):
-        shown = TEMPLATES if template == "all" else (template,)
-        rows = [row for each in shown for system in SYSTEMS for row in accepted.get(f"{system}/{each}", ())]
-        gap = median(1 - row["robustness"] / row["upper_bound"] for row in rows)
-        text = ["all", ""] if template == "all" else [f"`{template}`", f"`{_form(template)}`".replace("|", "\\|")]
-        body.append([*text, str(len(rows)), f"{100 * gap:.0f} %"])
-    header = ["template", "formula", "tasks", "gap, median"]
     why = sum((Counter(own) for own in refused.values()), Counter[str]())
     told = ", ".join(f"{why[kind]} {kind}" for kind in REFUSED)
-    return markdown(header, body, right=2) + f"\n\nRefused: {told}."
+    return f"So there are {sum(map(len, accepted.values()))} tasks. Refused: {told}."
 
 
-def _form(template: str) -> str:
+def form(template: str) -> str:
     """The formula of a template, from the first line of its docstring."""
     form = (TEMPLATES[template].__doc__ or "").partition(": ")[2].partition(", with")[0].partition(", for each")[0]
     return form if form.endswith("...") else form.removesuffix(".")
 
 
 def methods(folder: str) -> str:
-    """One row per method: what it learned on the tasks common to the methods, and CPU seconds there; then how many
-    tasks it fits, and what it learned of these. A method that does not fit the common tasks has these alone."""
+    """One row per method: what it learned on the tasks common to the methods; then how many tasks it fits, and what
+    it learned of these. A method that does not fit the common tasks has these alone."""
     cells = [row for row in recorded.table(folder, "cells") if row["status"] == "done"]
     fits = {row["method"]: {cell["task"] for cell in cells if cell["method"] == row["method"]} for row in cells}
     shared = common(fits.values(), len({cell["task"] for cell in cells}))
     body = []
     for row in (row for row in recorded.table(folder, "groups") if row["by"] == "all"):
-        own = [cell for cell in cells if cell["method"] == row["method"] and cell["task"] in shared]
-        seconds = f"{fmean(float(cell['cpu_seconds']) for cell in own):.1f} s" if row["learned [%]"] else ""
         everywhere = f"{float(row['learned of all it fits [%]']):.0f} %"
-        body.append([f"`{row['method']}`", *_told(row), seconds, row["fits"].partition(" ")[0], everywhere])
-    header = [f"{len(shared)} common tasks", "learned", "score", "CPU of a cell", "fits", "learned of these"]
-    return markdown(header, body, right=5)
+        body.append([f"`{row['method']}`", *_told(row), row["fits"].partition(" ")[0], everywhere])
+    header = [f"{len(shared)} common tasks", "learned", "score", "fits", "learned of these"]
+    return markdown(header, body, right=4)
 
 
 def _told(row: Row) -> tuple[str, str]:

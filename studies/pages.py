@@ -30,7 +30,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "docs/reproduction.md": {
         "study": page_reference.study,
         "verdicts": page_reference.verdicts,
-        "across": page_reference.across,
         "tracks": page_reference.tracks,
         "measures": page_reference.measures,
     },
@@ -46,7 +45,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "docs/explanation/auto.md": {
         "auto": page_tasks.auto,
         "auto-field": page_tasks.auto_field,
-        "auto-asked": page_tasks.auto_asked,
         "auto-verdicts": page_tasks.auto_verdicts,
         "auto-parts": page_tasks.auto_parts,
     },
@@ -58,13 +56,10 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite-fresh": paired.stated,
         "suite-sources": suite_answers.components,
         "suite-held-out": suite_answers.held_out,
-        "suite-quick": lambda: page_suite.methods("suite-quick"),
         "suite-many": page_suite.many,
     },
     "docs/reference/tasks.md": {
         "field": page_tasks.field,
-        "either-or": page_tasks.either_or,
-        "baselines": page_tasks.baselines,
     },
     "paper/paper.md": {
         "scope": joss.scope,

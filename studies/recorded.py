@@ -110,13 +110,8 @@ def first_field(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if first.setdefault((row["budget"], row["track"]), row["tasks"]) == row["tasks"]]
 
 
-def estimate(row: Row, name: str, digits: int) -> str:
-    """ "2.4 [1.6, 3.2]": a column of the aggregates over tasks, with its interval."""
-    low, high = row[f"{name} 95 % interval low"], row[f"{name} 95 % interval high"]
-    return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
-
-
 def markdown(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 0) -> str:
     """A table; `right` columns after the first are aligned to the right."""
     rule = ["---", *["--:"] * right, *["---"] * (len(header) - 1 - right)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in (header, rule, *body))
+    shown, *others = (f"| {' | '.join(line)} |" for line in (header, *body))
+    return "\n".join((shown, f"|{'|'.join(rule)}|", *others))

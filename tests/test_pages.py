@@ -33,7 +33,7 @@ def said() -> dict[str, dict[str, str]]:
     """Task -> method -> what the page says."""
     section = TEXT.partition("[start:study]")[2].partition("[end:study]")[0]
     lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if "| `" in line]
-    return {name.strip("`"): dict(zip(METHODS, texts, strict=True)) for name, _, _, *texts in lines[1:]}
+    return {name.split("`")[1]: dict(zip(METHODS, texts, strict=True)) for name, _, *texts in lines[1:]}
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,6 @@ stlbench plot build/aligned --methods raw,funnel --tasks robot-nav,pendulum,over
 PYTHONPATH=build/example python studies/returns.py build/aligned build/aligned/returns.csv
 stlbench export build/aligned --format jsonl
 cp -r build/aligned/. results/reference
-for figure in alignment planned-robot-nav across-quick-shared; do
+for figure in planned-robot-nav across-quick-shared; do
     cp results/reference/figures/$figure.png docs/figures/reference
 done

@@ -1,6 +1,6 @@
 # The paper's tasks and five from the field on the track auto, where rules take the place of recipes; plans of eight.
 # CPU time: 12 hours
-# Makes: auto auto-field auto-verdicts auto-asked auto-parts
+# Makes: auto auto-field auto-verdicts auto-parts
 rules() {
     stlbench run --track auto --results results/auto "$@"
 }

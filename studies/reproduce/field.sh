@@ -1,6 +1,6 @@
 # The tasks from the field, five seeds of three methods by two agents, and either-or by all methods.
 # CPU time: 3 hours, and 1.5 for the task lane
-# Makes: field either-or
+# Makes: field
 whole="tltl,dense[mode=difference]"
 others=dense,bhnr,tau-mdp,sparse,hprs,tau-cmdp,cfer,machine,causation
 stlbench run studies/field.yaml

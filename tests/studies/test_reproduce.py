@@ -14,7 +14,6 @@ ROOT = Path(__file__).parents[2]
 reproduce = load("reproduce")
 OTHERWISE = {
     "scope": "counts plugins",
-    "baselines": "studies/baselines.py writes it into task files",
     "suite": "studies/suite.py searches the suite",
     "table": "called 1, as the paper has no other",
 }
