@@ -53,9 +53,10 @@ def plan_cells(
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
-    No method or agent is imported, so that a study that is already done is answered at once; see `check_cells`. Without
-    agents, each task is trained by its own (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without
-    seeds, the task's budget says how many. All agents start from the policy `init`, if there is one.
+    No method is imported, and an agent for the track `auto` alone, as its class has the recipe: so a study that is
+    already done is answered at once; see `check_cells`. Without agents, each task is trained by its own
+    (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without seeds, the task's budget says how many.
+    All agents start from the policy `init`, if there is one.
     Raises `UsageError` for an unknown name or budget, a task with errors, no seed, or a missing recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
