@@ -23,7 +23,7 @@ from stlbench.gate.turns import both_trees, judge_turns, take_turns
 from stlbench.records.result import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress
-from stlbench.study.run import build_executor
+from stlbench.study.scheduler import build_executor
 from stlbench.study.study import Study, parse_seeds
 
 SEEDS = "10"  # seeds of a new reference
