@@ -26,8 +26,9 @@ def floating_point_errors() -> Iterator[None]:
 @pytest.fixture
 def scripted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells of `helpers.scripted_cells` run, whose task, method and agent nobody has installed."""
-    monkeypatch.setattr("stlbench.study.run.check_cells", lambda cells: ())
-    monkeypatch.setattr("stlbench.study.run.uncompiled", lambda cells: ())
+    from stlbench.study.plan import Checked
+
+    monkeypatch.setattr("stlbench.study.run.check_cells", lambda cells: Checked())
 
 
 @pytest.fixture

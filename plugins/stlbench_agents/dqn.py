@@ -19,6 +19,7 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
 from stlbench_agents.training import (
+    SHARED,
     Counterfactuals,
     DeepQ,
     Head,
@@ -62,6 +63,22 @@ class DQN(DeepQ, LockStepAgent):
     time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
     """`bootstrap`: what would follow the time limit has the network's value. `terminal`: it is 0"""
 
+    recipe = MappingProxyType(
+        {
+            **SHARED,
+            "gamma": 0.9,
+            "head": "additive",
+            "copies": 64,
+            "gradient_steps": 4,
+            "n_steps": 5,
+            "buffer_size": 131072,
+            "averaging": 0.9995,
+            "exploration_final_eps": 0.02,
+            "reward_scale": 10.0,
+            "bounded": True,
+        }
+    )
+    preference = MappingProxyType({"grid": 1})
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
             "gamma": (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995),
@@ -132,6 +149,8 @@ class _Trainee:
 @dataclass(frozen=True, kw_only=True)
 class DQNPerRobot(DQN):
     """Deep Q-learning robot by robot, each of its own actions alone; on a task with one robot it is `dqn`."""
+
+    preference = MappingProxyType({"robots": 1})
 
     def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
         grid = grid_of(environment.actions)

@@ -7,6 +7,7 @@ from abc import abstractmethod
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from itertools import chain
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from stlbench.contract import ActionGrid, Actions, Arrays, Cost, Environment, Policy, Training
 from stlbench_agents.policies import ActorPolicy, linear_layers
 from stlbench_agents.training import (
+    SHARED,
     Count,
     DeepQ,
     Learner,
@@ -159,6 +161,8 @@ class SB3DQN(DeepQ, SB3OffPolicy):
     """
 
     algorithm_name = "DQN"
+    recipe = MappingProxyType({**SHARED, "gamma": 0.9, "n_steps": 5, "buffer_size": 131072})
+    preference = MappingProxyType({"grid": 2})
     takes_grid = True
 
     learning_starts: Whole = 100
@@ -183,6 +187,7 @@ class SB3TD3(SB3OffPolicy):
     """TD3 (Fujimoto, van Hoof, Meger 2018) as SB3 implements it: a cross-check of `td3` by code that others wrote."""
 
     algorithm_name = "TD3"
+    recipe = MappingProxyType({**SHARED, "gradient_steps": 4, "n_steps": 3})
 
     policy_delay: Count = 2
     """updates of the critics for one of the actor"""
@@ -209,6 +214,8 @@ class SB3SAC(SB3OffPolicy):
     """Soft actor-critic (Haarnoja et al. 2018) as SB3 implements it, with its entropy coefficient learned."""
 
     algorithm_name = "SAC"
+    recipe = MappingProxyType({**SHARED, "gradient_steps": 4, "n_steps": 3})
+    preference = MappingProxyType({"box": 2})
 
     ent_coef_initial: Positive = 0.1
     """the entropy coefficient at the start; SB3's own 1 is large beside rewards of at most 1"""
@@ -231,6 +238,7 @@ class SB3PPO(SB3Agent):
     """
 
     algorithm_name = "PPO"
+    recipe = SHARED
 
     n_steps: Count = 256
     """steps of all copies in a rollout"""

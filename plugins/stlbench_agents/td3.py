@@ -14,6 +14,7 @@ from typing import ClassVar
 from stlbench.contract import ActionBox, Actions, Arrays, Cost, Environment, Policy
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.training import (
+    SHARED,
     Count,
     LockStepAgent,
     LockStepLearner,
@@ -49,6 +50,17 @@ class TD3(LockStepAgent):
     reward_scale: Positive = 10.0
 
     compiled_part = "td3"
+    recipe = MappingProxyType(
+        {
+            **SHARED,
+            "copies": 8,
+            "gradient_steps": 4,
+            "n_steps": 3,
+            "exploration_noise": 0.5,
+            "exploration_noise_final": 0.1,
+        }
+    )
+    preference = MappingProxyType({"box": 1})
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
             "gamma": (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995),

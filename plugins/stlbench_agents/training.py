@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
@@ -115,6 +116,10 @@ Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
 """Widths of the hidden layers of a network."""
 Head = Literal["joint", "additive"]
 """How the outputs of a Q-network stand for actions (see `stlbench_agents.q_learner`)."""
+
+
+SHARED: Mapping[str, Any] = MappingProxyType({"net_arch": [128, 128], "gamma": 0.95})
+"""On the track `auto`, of the recipes of all agents that learn."""
 
 
 @dataclass(frozen=True, kw_only=True)

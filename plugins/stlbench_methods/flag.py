@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from functools import reduce
 from operator import itemgetter
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
@@ -37,6 +38,8 @@ class Flag(RewardMethod):
     Raises:
         Unsuitable: the formula has neither form.
     """
+
+    preference = MappingProxyType({"recurring": 1})
 
     def __init__(self, specification: Specification, *, beta: Annotated[float, Field(gt=0)] = 50.0) -> None:
         super().__init__(specification)

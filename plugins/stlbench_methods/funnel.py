@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -71,6 +72,8 @@ class Funnel(RewardMethod):
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2, a term cannot fail, or `ginf` is outside its range.
     """
+
+    preference = MappingProxyType({"other": 1, "recurring": 2})
 
     def __init__(
         self,

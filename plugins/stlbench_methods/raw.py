@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
@@ -17,6 +19,8 @@ class Raw(RewardMethod):
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2, or a term cannot fail.
     """
+
+    preference = MappingProxyType({"other": 2, "recurring": 3})
 
     def __init__(self, specification: Specification, *, activity: Activity = "last-deadline") -> None:
         super().__init__(specification)

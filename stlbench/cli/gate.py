@@ -13,6 +13,7 @@ import typer
 from stlbench import contract
 from stlbench.cli.options import Listed, names, study_options, tasks_of
 from stlbench.cli.output import Json, show
+from stlbench.cli.run import DEFAULTS
 from stlbench.errors import UsageError
 from stlbench.gate import summary
 from stlbench.gate.judge import EXIT, Judgement, judge
@@ -22,7 +23,7 @@ from stlbench.gate.turns import both_trees, judge_turns, take_turns
 from stlbench.records.result import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress
-from stlbench.study.run import build_executor
+from stlbench.study.scheduler import build_executor
 from stlbench.study.study import Study, parse_seeds
 
 SEEDS = "10"  # seeds of a new reference
@@ -103,8 +104,8 @@ def gate(
         if tasks is methods is agents is seeds is None:
             cells = cells_of(select(reference, budget=[budget]))
         else:
-            named = {"tasks": tasks or "reach-stay", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
-            cells = Study.of({**named, "agents": agents, "budget": budget}).cells()
+            named = {name: chosen or DEFAULTS[name] for name, chosen in (("tasks", tasks), ("methods", methods))}
+            cells = Study.of({**named, "seeds": seeds or SEEDS, "agents": agents, "budget": budget}).cells()
         _update(reference, _measured(cells, results, place), as_json)
         return
     base = select(reference, budget=[budget], **chosen, seed=numbers)

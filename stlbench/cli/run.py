@@ -31,7 +31,8 @@ from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask
 from stlbench.study.progress import Progress, Tally, duration
-from stlbench.study.run import build_executor, missing_cells, run_cells, run_missing
+from stlbench.study.run import missing_cells, run_cells, run_missing
+from stlbench.study.scheduler import build_executor
 from stlbench.study.study import Study
 from stlbench.study.tuning import Entrant, Trial, entrants, search
 from stlbench.task.task import load_task

@@ -12,7 +12,7 @@ from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from stlbench import stl
 from stlbench.contract.arrays import Array, Arrays, Integers, Truth
 from stlbench.contract.method import RewardMethod, Unsuitable
 from stlbench.contract.task import System
+
+ActionKind = Literal["grid", "robots", "box"]
+"""A grid of actions, the grid of several robots, continuous actions."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,11 @@ class ActionGrid:
     axes: tuple[tuple[float, ...], ...]
     robots: tuple[int, ...] = ()
     """How many of the axes, in their order, each robot has: (2, 2, 2). Empty where the task has one robot."""
+
+    @property
+    def kind(self) -> ActionKind:
+        """By the number of robots."""
+        return "robots" if len(self.robots) > 1 else "grid"
 
     @cached_property
     def parts(self) -> tuple[ActionGrid, ...]:
@@ -74,6 +82,7 @@ class ActionBox:
     names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
+    kind: ClassVar[ActionKind] = "box"
 
 
 Actions = ActionGrid | ActionBox
@@ -289,6 +298,14 @@ class Agent(ABC):
     """Values that `stlbench tune` tries for every method: parameter -> values. `hold` stands for the steps of an
     action, where it fits the task. The task's own recipe is tried too. Name what methods need differently: one that
     pays late needs a discount near 1, one that pays at once a smaller one."""
+
+    recipe: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """Its parameters on the track `auto`, the same for every task, of values that JSON has; others keep their defaults.
+    Where it names `gamma`, that is the least: rules raise it for a task that lasts long, or asks again and again."""
+    preference: ClassVar[Mapping[ActionKind, int]] = MappingProxyType({})
+    """Kind of actions -> its place among the agents to train with where none is named, 1 the first. The one of stlbench
+    that is first trains a task without recipes, whatever is installed. The next one also races in a long
+    `stlbench solve`. A subclass has no place but by its own body."""
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:

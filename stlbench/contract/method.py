@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from stlbench import stl
 from stlbench.contract.arrays import Array, Integers, Truth
+
+FormulaKind = Literal["recurring", "other"]
+"""A formula with F inside of G, which asks for something again and again; any other one."""
 
 
 class Intractable(Exception):
@@ -167,6 +171,10 @@ class RewardMethod:
 
     extension: str = ""
     """Why the task is outside the form of the method's publication, in a few words; empty inside it. Tables mark it."""
+
+    preference: ClassVar[Mapping[FormulaKind, int]] = MappingProxyType({})
+    """Kind of formula -> its place among the methods that `stlbench solve` and `method="auto"` try first, 1 the first.
+    Those without a place follow. A subclass has no place but by its own body."""
 
     # ------------------------------------------------------------------ additions: a memory that is a state machine
 

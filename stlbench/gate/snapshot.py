@@ -28,9 +28,10 @@ from stlbench.records.rows import numbers
 from stlbench.records.schema import is_sqlite
 from stlbench.share.bundle import unpacked
 from stlbench.study.cell import Cell
+from stlbench.study.logs import Progress
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE
-from stlbench.study.run import Progress, run_cells
+from stlbench.study.run import run_cells
 
 _PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ from cell to cell
 

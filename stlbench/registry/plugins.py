@@ -238,6 +238,16 @@ def blamed(error: BaseException) -> str | None:
     return None
 
 
+def place(kind: type, what: str) -> int | None:
+    """The place of a class among those to try first for a kind of actions or of formula; None without one.
+
+    A subclass is another plugin: it does not stand beside the one that it is made of.
+    """
+    places = vars(kind).get("preference")
+    number = places.get(what) if isinstance(places, Mapping) else None
+    return number if isinstance(number, int) else None
+
+
 def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
     """The classes of all plugins that import, and one line for each that does not."""
     loaded, problems = dict[str, type](), list[str]()

@@ -6,18 +6,21 @@ states and a formula. No rule knows the method.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil
-from typing import Any, Literal, TypeAlias
+from math import ceil, inf
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import ActionBox, Array, RewardMethod, System
-from stlbench.errors import UsageError
+from stlbench.contract import ActionBox, Agent, Array, RewardMethod, System
+from stlbench.contract.method import FormulaKind
+from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import Track
+from stlbench.registry import plugins
 from stlbench.rollout.environment import fulfilling
 from stlbench.rollout.worlds import make_world
 from stlbench.schedules.plan import UnscheduledError, conjunction
@@ -133,40 +136,6 @@ def initial_samples(task: Task) -> Array:
     return world.signals
 
 
-_SHARED: Mapping[str, Any] = {"net_arch": [128, 128], "gamma": 0.95}
-_DQN: Mapping[str, Any] = {
-    **_SHARED,
-    "gamma": 0.9,
-    "head": "additive",
-    "copies": 64,
-    "gradient_steps": 4,
-    "n_steps": 5,
-    "buffer_size": 131072,
-    "averaging": 0.9995,
-    "exploration_final_eps": 0.02,
-    "reward_scale": 10.0,
-    "bounded": True,
-}
-_TD3: Mapping[str, Any] = {
-    **_SHARED,
-    "copies": 8,
-    "gradient_steps": 4,
-    "n_steps": 3,
-    "exploration_noise": 0.5,
-    "exploration_noise_final": 0.1,
-}
-RECIPES: Mapping[str, Mapping[str, Any]] = {
-    "dqn": _DQN,
-    "dqn-per-robot": _DQN,
-    "td3": _TD3,
-    "sb3-dqn": {**_SHARED, "gamma": 0.9, "n_steps": 5, "buffer_size": 131072},
-    "sb3-td3": {**_SHARED, "gradient_steps": 4, "n_steps": 3},
-    "sb3-sac": {**_SHARED, "gradient_steps": 4, "n_steps": 3},
-    "sb3-ppo": _SHARED,
-    "planner": {"gamma": 0.9},
-}
-"""Parameters of agents, the same for every task; another agent trains with its defaults."""
-
 _REACH = 20
 """Steps that a discount reaches over, at least. With 10, a pole on a cart was learned in 15 of 24 runs; now in 20."""
 _MOST = 0.98
@@ -247,21 +216,33 @@ def _budget(name: str, budget: Budget, steps: int) -> Budget:
 
 
 def recipe(agent: str, task: Task) -> dict[str, Any]:
-    """The agent's parameters; its defaults where there are no rules for it. A planner keeps the task's grid.
+    """The agent's parameters: those of its class's `recipe`, of which rules change `gamma`, and the task's own grid.
 
     The discount reaches over 20 steps, 1 - hold / 20, at least. With G F p, it reaches over the longest window of F, of
     W decisions: it is at least 1 - 1 / (2.5 W). For continuous actions it reaches over a quarter of the episode's D
     decisions, 1 - 4 / D, but is at most 0.98.
     """
-    parameters = dict(RECIPES.get(agent, {}))
+    parameters = _declared(agent)
     if (grid := task.recipe(agent).get("grid")) is not None:
         parameters["grid"] = grid
-    if "gamma" in parameters:
+    if isinstance(parameters.get("gamma"), int | float):
         again = max((node.b for node in recurring(task.file.followed)), default=0) / task.file.hold
         reaches = [parameters["gamma"], 1 - task.file.hold / _REACH, 1 - 1 / max(1.0, 2.5 * again)]
         if isinstance(task.actions, ActionBox):
             reaches.append(min(_MOST, 1 - 4 * task.file.hold / task.file.steps))
         parameters["gamma"] = round(max(reaches), 4)
+    return parameters
+
+
+def _declared(agent: str) -> dict[str, Any]:
+    """The recipe of an agent's class; none where it is not installed, as for results of another machine."""
+    if (plugin := plugins.known("agents", agent)) is None:
+        return {}
+    declared = cast(type[Agent], plugin.load()).recipe
+    try:
+        json.dumps(parameters := dict(declared))
+    except (TypeError, ValueError) as error:
+        raise plugin.error(f"its recipe should have parameters and values that JSON has: {one_line(error)}") from error
     return parameters
 
 
@@ -275,15 +256,16 @@ def recurring(formula: Formula) -> Iterator[Eventually]:
 def in_turn(fitting: Mapping[str, RewardMethod], formula: Formula) -> tuple[str, ...]:
     """The names of methods that fit a formula, in the order in which to try them.
 
-    First flag where F is inside of G, funnel, raw; then those inside their source's form, by inputs.
+    First those with a place for its kind (`RewardMethod.preference`); then those inside their source's form, by inputs.
     """
-    first = ("flag", "funnel", "raw") if next(recurring(formula), None) is not None else ("funnel", "raw")
+    kind: FormulaKind = "other" if next(recurring(formula), None) is None else "recurring"
 
-    def place(name: str) -> tuple[int, bool, int, str]:
-        rank = first.index(name) if name in first else len(first)
-        return rank, fitting[name].extension != "", fitting[name].input_size, name
+    def order(name: str) -> tuple[float, bool, int, str]:
+        method = fitting[name]
+        place = plugins.place(type(method), kind)
+        return inf if place is None else place, method.extension != "", method.input_size, name
 
-    return tuple(sorted(fitting, key=place))
+    return tuple(sorted(fitting, key=order))
 
 
 def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from stlbench.contract import ActionGrid, Intractable, Unsuitable
@@ -16,12 +17,11 @@ from stlbench.solver.posed import TASK
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods
 from stlbench.task.build import INIT
+from stlbench.task.task import agents_for
 
 _MOST = 4  # contestants
 _LONG = 20
 """From so many minutes on a second agent races too."""
-_SECOND = {"dqn": "sb3-dqn", "td3": "sb3-sac"}
-"""A task's own agent -> the second one."""
 
 
 def rank(result: Result) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
     if not fitting:
         raise UsageError(f"no method fits the formula {task.formula}; {'; '.join(_reasons(derived))}")
     methods = in_turn(fitting, derived.file.followed)
-    if not isinstance(task.actions, ActionGrid):  # learned from by dqn alone; with td3 cfer is the same as flag
+    if not isinstance(task.actions, ActionGrid):  # then no agent learns from other memories
         methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals > 0))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
@@ -102,10 +102,11 @@ def _reasons(task: Task) -> Iterator[str]:
 
 
 def _second(task: Task, own: str) -> list[str]:
-    """The other agent for the same actions, where it is installed."""
-    agent = _SECOND.get(own, own)
-    try:
-        build_agent(automatic(task, agent), agent)
-    except (Unsuitable, UsageError):
-        return []
-    return [] if agent == own else [agent]
+    """The next agent for the same actions that can train here."""
+    for agent in agents_for(task.actions):
+        if agent == own:
+            continue
+        with suppress(Exception):  # also what one from outside raises: it does not race
+            build_agent(automatic(task, agent), agent)
+            return [agent]
+    return []

@@ -24,7 +24,8 @@ from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.posed import Posed
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
 from stlbench.solver.start import Start
-from stlbench.study.run import build_executor, run_study
+from stlbench.study.run import run_study
+from stlbench.study.scheduler import build_executor
 from stlbench.study.tuning import FIRST_SEED
 
 _TIMES = 3  # seconds of a rung, over those of the one before

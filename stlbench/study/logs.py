@@ -1,16 +1,19 @@
-"""Logs beside a run: each is told in a thread of its own, and one that raises or hangs is turned off."""
+"""Who hears how a study goes on: its caller, and logs. Each log is told in a thread of its own, and one that raises or
+hangs is turned off.
+"""
 
 from __future__ import annotations
 
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Self, cast
+from typing import Protocol, Self, cast, runtime_checkable
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
@@ -20,9 +23,6 @@ from stlbench.records.result_files import inside
 from stlbench.records.rows import numbers
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-
-if TYPE_CHECKING:
-    from stlbench.study.run import Progress
 
 _MOST_SECONDS = 30.0  # that one call of a log may take
 _END_SECONDS = 60.0  # that logs may take after the end of a run
@@ -61,6 +61,60 @@ def logged(result: Result) -> LoggedCell:
     return LoggedCell(name, result.id.budget, result.status, "", logged_numbers, tuple(curve))
 
 
+@runtime_checkable
+class Progress(Protocol):
+    """Hears how a study goes on."""
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        """These cells are going to run; `done` others have a result from before."""
+
+    def note(self, text: str) -> None:
+        """Something that the user should know of the study, in a line."""
+
+    def ended(self, result: Result) -> None:
+        """One more cell has ended."""
+
+
+class Silent:
+    """Hears nothing."""
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None: ...
+
+    def note(self, text: str) -> None: ...
+
+    def ended(self, result: Result) -> None: ...
+
+
+Callback = Callable[[int, int, Result], object]
+"""Is called as each cell ends: how many have a result, of how many, and the last one."""
+
+
+class _Calling(Silent):
+    def __init__(self, callback: Callback) -> None:
+        self._callback, self._done, self._total = callback, 0, 0
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        self._done, self._total = done, done + len(missing)
+
+    def ended(self, result: Result) -> None:
+        self._done += 1
+        self._callback(self._done, self._total, result)
+
+
+@contextmanager
+def listening(wanted: Progress | Callback | bool | None) -> Iterator[Progress]:
+    """Who hears of a study: a line for each cell, a caller's object or function, or nobody."""
+    if wanted is True:
+        from stlbench.study.progress import Progress as Lines
+
+        with Lines() as lines:
+            yield lines
+    elif isinstance(wanted, Progress):
+        yield wanted
+    else:
+        yield _Calling(wanted) if wanted else Silent()
+
+
 class _Thread:
     """One log, in a thread. A call that hangs keeps nothing but this thread, which ends with the process."""
 
@@ -97,7 +151,7 @@ class _Thread:
 
 
 class Logged:
-    """The progress of a run (`study.run.Progress`) that logs are told of too; as a context manager it ends them."""
+    """The progress of a run that logs are told of too; as a context manager it ends them."""
 
     def __init__(self, logs: dict[str, RunLog], folder: Path, progress: Progress) -> None:
         """Raises `UsageError` if there is a link in the folder, through which a log might write."""

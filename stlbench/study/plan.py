@@ -53,9 +53,10 @@ def plan_cells(
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
-    No method or agent is imported, so that a study that is already done is answered at once; see `check_cells`. Without
-    agents, each task is trained by its own (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without
-    seeds, the task's budget says how many. All agents start from the policy `init`, if there is one.
+    No method is imported, and an agent for the track `auto` alone, as its class has the recipe: so a study that is
+    already done is answered at once; see `check_cells`. Without agents, each task is trained by its own
+    (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without seeds, the task's budget says how many.
+    All agents start from the policy `init`, if there is one.
     Raises `UsageError` for an unknown name or budget, a task with errors, no seed, or a missing recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
@@ -113,21 +114,31 @@ class _Planned:
         return {}
 
 
-def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
+@dataclass(frozen=True)
+class Checked:
+    """What a look at cells that are going to run has found."""
+
+    notes: tuple[str, ...] = ()
+    """A line for each agent that trains with its defaults."""
+    agents: tuple[tuple[Choice, Agent], ...] = ()
+    """Each agent, as it was built for each recipe."""
+
+
+def check_cells(cells: Iterable[Cell]) -> Checked:
     """Load the methods and agents of these cells and check their parameters, before any of them runs.
 
-    Returns a line for each agent that trains with its defaults. Raises `UsageError` with the first wrong parameter,
-    plugin that cannot be loaded, or agent that cannot train here.
+    Raises `UsageError` with the first wrong parameter, plugin that cannot be loaded, or agent that cannot train here.
     """
-    planned, notes = tuple(cells), dict[str, None]()
+    planned, notes, agents = tuple(cells), dict[str, None](), list[tuple[Choice, Agent]]()
     for method in dict.fromkeys(cell.id.method for cell in planned):
         plugins.check("methods", method)
     for cell, task in _trainings(planned):
         agent = cell.id.agent
-        initial.check(cell, task, _checked_agent(task, agent))
+        agents.append((agent, _checked_agent(task, agent)))
+        initial.check(cell, task, agents[-1][1])
         if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
-    return tuple(notes)
+    return Checked(tuple(notes), tuple(agents))
 
 
 def _trainings(cells: Iterable[Cell]) -> Iterator[tuple[Cell, Task]]:
@@ -137,19 +148,22 @@ def _trainings(cells: Iterable[Cell]) -> Iterator[tuple[Cell, Task]]:
         yield cell, cell.load_task()
 
 
-def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], None]]]:
-    """Agents of these cells whose code this machine has not compiled, and what compiles it.
+def uncompiled(
+    agents: Iterable[tuple[Choice, Agent]], cells: Iterable[Cell]
+) -> Iterator[tuple[Choice, Callable[[], None]]]:
+    """Those of the agents that train these cells and whose code this machine has not compiled; what compiles it.
 
-    Otherwise each worker would compile it at the same time, in its first cell.
+    Otherwise each worker would compile it at the same time, in its first cell. An agent is asked when the one before
+    it is compiled, as they may share code.
     """
-    for cell, task in _trainings(cells):
-        agent = cell.id.agent
-        work = build_agent(task, agent).uncompiled()
+    trained = {cell.id.agent for cell in cells}
+    for choice, agent in agents:
+        work = agent.uncompiled() if choice in trained else None
         if work is not None:
             if not callable(work):
                 rule = "the contract says a function or None"
-                raise UsageError(f"agent {agent}: uncompiled gives {type(work).__name__}, {rule}")
-            yield agent, work
+                raise UsageError(f"agent {choice}: uncompiled gives {type(work).__name__}, {rule}")
+            yield choice, work
 
 
 def _checked_agent(task: Task, agent: Choice) -> Agent:

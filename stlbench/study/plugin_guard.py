@@ -19,7 +19,7 @@ from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout.faults import Question, Unanswered, answered_here
 from stlbench.rollout.standards import about, known
-from stlbench.study.run import build_executor
+from stlbench.study.scheduler import build_executor
 from stlbench.task import Task, load_task
 
 _T = TypeVar("_T")

@@ -1,105 +1,44 @@
-"""A study, from its description to its results: plan it, run what is missing, record it. Prints nothing."""
+"""A study, from its description to its results: find what is missing, run it, record it. Prints nothing.
+
+First a look without the lock says what is missing, and that alone is checked. Then under the lock of the folder it is
+looked up once more, as another process may have written meanwhile, and runs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any
 
 from stlbench.contract import Executor, Work
-from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result, Status
 from stlbench.records.result_files import cell_files, writing
-from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, executor_of
 from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import outdated, outdated_note, run_checked
 from stlbench.study.credibility import Examiner
-from stlbench.study.logs import Logged, build_logs
+from stlbench.study.logs import Callback, Logged, Progress, Silent, build_logs, listening
 from stlbench.study.plan import check_cells, examples, uncompiled, warm
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
-from stlbench.study.scheduler import failing
+from stlbench.study.scheduler import build_executor as build_executor  # the solver takes it from here
 from stlbench.study.study import Study
 
-
-@runtime_checkable
-class Progress(Protocol):
-    """Hears how a study goes on."""
-
-    def begin(self, missing: Sequence[CellId], done: int) -> None:
-        """These cells are going to run; `done` others have a result from before."""
-
-    def note(self, text: str) -> None:
-        """Something that the user should know of the study, in a line."""
-
-    def ended(self, result: Result) -> None:
-        """One more cell has ended."""
-
-
-class _Silent:
-    def begin(self, missing: Sequence[CellId], done: int) -> None: ...
-
-    def note(self, text: str) -> None: ...
-
-    def ended(self, result: Result) -> None: ...
-
-
-Callback = Callable[[int, int, Result], object]
-"""Is called as each cell ends: how many have a result, of how many, and the last one."""
-
-
-class _Calling(_Silent):
-    def __init__(self, callback: Callback) -> None:
-        self._callback, self._done, self._total = callback, 0, 0
-
-    def begin(self, missing: Sequence[CellId], done: int) -> None:
-        self._done, self._total = done, done + len(missing)
-
-    def ended(self, result: Result) -> None:
-        self._done += 1
-        self._callback(self._done, self._total, result)
-
-
-@contextmanager
-def _progress(wanted: Progress | Callback | bool | None) -> Iterator[Progress]:
-    if wanted is True:
-        from stlbench.study.progress import Progress as Lines
-
-        with Lines() as lines:
-            yield lines
-    elif isinstance(wanted, Progress):
-        yield wanted
-    else:
-        yield _Calling(wanted) if wanted else _Silent()
-
-
-def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
-    """The chosen executor, with so many `jobs` at a time, and so much `memory` for each cell, as in "4G".
-
-    Raises `UsageError` if there is no such executor, it cannot run here, or a parameter is wrong.
-    """
-    text = chosen = executor_of(choice)
-    if memory is not None:
-        chosen = Choice(text.name, tuple({"memory": memory, **dict(text.parameters)}.items()))
-    try:
-        with failing(chosen.name):
-            return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
-    except UsageError as error:
-        raise UsageError(str(error).replace(str(chosen), str(text))) from error  # by the name that the user gave it
+Until = Callable[[Result], bool]
+"""Of a result: whether the study ends with it."""
 
 
 def run_study(
     study: Study | str | Path | None = None,
     *,
     progress: Progress | Callback | bool | None = None,
-    until: Callable[[Result], bool] | None = None,
+    until: Until | None = None,
     **options: Any,
 ) -> Results:
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
@@ -124,19 +63,17 @@ def run_study(
         UsageError: a name, a value or the file is wrong; nothing has run then.
     """
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
-    with _progress(progress) as listener:
+    with listening(progress) as listener:
         cells = run_missing(described, listener, until)
     with Ledger(described.folder / FILE, create=False) as ledger:
         return Results.of(ledger.results_of(cell.id for cell in cells), described.folder)
 
 
-def run_missing(
-    study: Study, progress: Progress | None = None, until: Callable[[Result], bool] | None = None
-) -> tuple[Cell, ...]:
+def run_missing(study: Study, progress: Progress | None = None, until: Until | None = None) -> tuple[Cell, ...]:
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
-    with Logged(logs, study.folder, progress or _Silent()) as logged:
+    with Logged(logs, study.folder, progress or Silent()) as logged:
         run_cells(
             cells,
             study.folder,
@@ -167,7 +104,7 @@ def run_cells(
     attempts: int | None = None,
     keep_old: bool | None = None,
     progress: Progress | None = None,
-    until: Callable[[Result], bool] | None = None,
+    until: Until | None = None,
     run_cell: Callable[..., Result] | None = None,
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
@@ -179,40 +116,58 @@ def run_cells(
     `trial.run_cell`. Raises `UsageError` if a plugin cannot be loaded, or the ledger is none, or another process writes
     in the folder; then nothing ran, and nothing was written.
     """
-    progress = progress or _Silent()
-    provenance = collect(executor.jobs)
+    progress, provenance = progress or Silent(), collect(executor.jobs)
+    look = partial(_left, cells, retry, attempts, keep_old, until, provenance)
     with Ledger(folder / FILE) as ledger:
-        notes = check_cells(_missing(cells, ledger, retry, attempts))
-    with writing(folder), Ledger(folder / FILE) as ledger:
-        stored.take_over(folder, ledger)
-        missing = _missing(cells, ledger, retry, attempts)
-        if retry and attempts and (lost := ledger.given_up({cell.key for cell in cells}, attempts)):
-            notes = (_given_up(lost, attempts), *notes)
-        if missing and (old := outdated(missing, ledger)):
-            notes = (outdated_note(old, ledger, provenance, keep_old), *notes)
-            kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
-            missing = [cell for cell in missing if cell.id not in kept]
-        done = len(cells) - len(missing)
-        if until is not None and any(map(until, ledger.results({cell.key for cell in cells}))):
-            missing = []
+        checked = check_cells(look(ledger).missing)
+    with _locked(folder) as ledger:
+        left = look(ledger)
         ledger.plan({cell.key: cell.id for cell in cells})
-        progress.begin([cell.id for cell in missing], done)
-        for line in notes:
+        progress.begin([cell.id for cell in left.missing], left.done)
+        for line in (*left.notes, *checked.notes):
             progress.note(line)
-        for agent, work in uncompiled(missing):
+        for agent, work in uncompiled(checked.agents, left.missing):
             progress.note(f"compiling {agent}, once per machine")
             work()
-        place = folder.absolute()  # a worker elsewhere has another working directory
-        in_folder = partial(run_checked, run_cell=run_cell or trial.run_cell, folder=place)
-        work_on = Work(in_folder, partial(warm, examples(missing)), partial(_log_of, place), here)
-        with (
-            Examiner(missing, place) as examined,
-            closing(scheduler.run(missing, ledger, executor, work_on, provenance, examined)) as results,
-        ):
+        with closing(_run(left.missing, folder, ledger, executor, provenance, run_cell or trial.run_cell)) as results:
             for result in results:
                 progress.ended(result)
                 if until is not None and until(result):
                     break
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What a study lacks, how many of its cells have a result, and lines on why."""
+
+    missing: Sequence[Cell]
+    done: int
+    notes: tuple[str, ...]
+
+
+def _left(
+    cells: Sequence[Cell],
+    retry: Collection[Status],
+    attempts: int | None,
+    keep_old: bool | None,
+    until: Until | None,
+    today: Mapping[str, str],
+    ledger: Ledger,
+) -> _Left:
+    """Look up what a ledger lacks; `today` is the provenance of cells that start now."""
+    known, notes = {cell.key: cell for cell in cells}, list[str]()
+    finished = ledger.finished(known, retry, attempts)
+    missing = [cell for key, cell in known.items() if key not in finished]
+    if missing and (old := outdated(missing, ledger)):
+        notes.append(outdated_note(old, ledger, today, keep_old))
+        kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
+        missing = [cell for cell in missing if cell.id not in kept]
+    if retry and attempts and (lost := ledger.given_up(known, attempts)):
+        notes.append(_given_up(lost, attempts))
+    done = len(cells) - len(missing)
+    if until is not None and any(map(until, ledger.results(known))):
+        missing = []
+    return _Left(missing, done, tuple(notes))
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:
@@ -221,10 +176,31 @@ def _given_up(cells: Sequence[CellId], attempts: int) -> str:
     return f"{text}, given up: {named}; --attempts with a greater number tries again"
 
 
-def _missing(cells: Iterable[Cell], ledger: Ledger, retry: Collection[Status], attempts: int | None) -> list[Cell]:
-    known = {cell.key: cell for cell in cells}
-    finished = ledger.finished(known, retry, attempts)
-    return [cell for key, cell in known.items() if key not in finished]
+@contextmanager
+def _locked(folder: Path) -> Iterator[Ledger]:
+    """The ledger of a folder in which no other process writes; it has what the folder's lines say."""
+    with writing(folder), Ledger(folder / FILE) as ledger:
+        stored.take_over(folder, ledger)
+        yield ledger
+
+
+def _run(
+    cells: Sequence[Cell],
+    folder: Path,
+    ledger: Ledger,
+    executor: Executor,
+    provenance: Mapping[str, str],
+    run_cell: Callable[..., Result],
+) -> Generator[Result]:
+    """The result of each cell, recorded, as they end."""
+    place = folder.absolute()  # a worker elsewhere has another working directory
+    in_folder = partial(run_checked, run_cell=run_cell, folder=place)
+    work = Work(in_folder, partial(warm, examples(cells)), partial(_log_of, place), here)
+    with (
+        Examiner(cells, place) as examined,
+        closing(scheduler.run(cells, ledger, executor, work, provenance, examined)) as results,
+    ):
+        yield from results
 
 
 def _log_of(results: Path, cell: Cell) -> Path:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from typing import Any, get_args, get_type_hints
+from typing import Any, cast, get_args, get_type_hints
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench.errors import DiskFull, UsageError, one_line
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, executor_of
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import NoSpace, key_without_code
 from stlbench.study.provenance import elsewhere, of_cell
@@ -101,6 +102,21 @@ def _wrong(outcome: Outcome) -> str:
     if not isinstance(outcome.facts, Mapping | None):
         return f"facts of type {type(outcome.facts).__name__}, the contract says a mapping or None"
     return ""
+
+
+def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
+    """The chosen executor, with so many `jobs` at a time, and so much `memory` for each cell, as in "4G".
+
+    Raises `UsageError` if there is no such executor, it cannot run here, or a parameter is wrong.
+    """
+    text = chosen = executor_of(choice)
+    if memory is not None:
+        chosen = Choice(text.name, tuple({"memory": memory, **dict(text.parameters)}.items()))
+    try:
+        with failing(chosen.name):
+            return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
+    except UsageError as error:
+        raise UsageError(str(error).replace(str(chosen), str(text))) from error  # by the name that the user gave it
 
 
 @contextmanager

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
@@ -145,7 +146,7 @@ class Task:
 
         If a task has no recipes, the kind of its actions and the number of its robots say which.
         """
-        return next(iter(self.file.agents), agent_for(self.actions))
+        return next(iter(self.file.agents), None) or agent_for(self.actions)
 
     @property
     def own_track(self) -> Track:
@@ -163,9 +164,27 @@ class Task:
 
 def agent_for(actions: Actions) -> str:
     """The agent that a task without recipes is trained with, by the kind of its actions and the number of robots."""
-    if isinstance(actions, ActionBox):
-        return "td3"
-    return "dqn-per-robot" if len(actions.robots) > 1 else "dqn"
+    return next(agents_for(actions))
+
+
+def agents_for(actions: Actions) -> Iterator[str]:
+    """The agents to train with on actions of this kind, by their preference. The first is one of stlbench.
+
+    Agents from outside are loaded after it: what is installed changes no study that names no agent.
+    """
+    installed = plugins.available("agents").values()
+    (first, *_) = _by_place([plugin for plugin in installed if plugin.is_own], actions.kind)
+    yield first
+    yield from (name for name in _by_place(installed, actions.kind) if name != first)
+
+
+def _by_place(agents: Iterable[plugins.Plugin], kind: str) -> list[str]:
+    found = list[tuple[int, bool, str]]()
+    for plugin in agents:
+        with suppress(plugins.PluginError):
+            if (place := plugins.place(plugin.load(), kind)) is not None:
+                found.append((place, not plugin.is_own, plugin.name))
+    return [name for *_, name in sorted(found)]
 
 
 def load_task(choice: Choice | str) -> Task:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from stlbench.contract import (
     Training,
     Unsuitable,
 )
+from stlbench.contract.agent import ActionKind
 from stlbench.errors import UsageError, cause
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
@@ -121,11 +123,12 @@ _HOLD = "hold"  # a parameter of the task that a search space may have
 def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
     """Check an agent by short trainings on a point on a line: with a grid of actions, continuous ones, two robots.
 
-    The rules: `search_space` has parameters and values that fit them; `cost` grows with observations and decisions;
-    training takes no more than its budget, and some of it unless the agent says that it does not train (`trains`),
-    and reports policies that later training does not change; the same seed gives the same policies, bit for bit; a
-    policy's actions are the task's, pure, and those of a batch are its rows' one by one; a policy that can be kept
-    acts the same when it is restored. An agent may refuse some of the tasks.
+    The rules: `search_space` and `recipe` have parameters and values that fit them; `preference` has places for
+    kinds of actions; `cost` grows with observations and decisions; training takes no more than its budget, and some of
+    it unless the agent says that it does not train (`trains`), and reports policies that later training does not
+    change; the same seed gives the same policies, bit for bit; a policy's actions are the task's, pure, and those of a
+    batch are its rows' one by one; a policy that can be kept acts the same when it is restored. An agent may refuse
+    some of the tasks.
 
     Args:
         agent: a class, made with its default parameters, or the name of an installed agent with parameters.
@@ -138,6 +141,8 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
     """
     rules, made_agent = rules or Rules(), made("agents", agent)
     _check_search_space(made_agent, rules)
+    _check_recipe(made_agent, rules)
+    rules.places(made_agent.preference, get_args(ActionKind))
     compile_it = made_agent.uncompiled()
     rules.keep(compile_it is None or callable(compile_it), "uncompiled is None or can be called", compile_it)
     if compile_it is not None:
@@ -168,6 +173,13 @@ def _check_search_space(agent: Agent, rules: Rules) -> None:
         rules.keep(len(values) > 0, "search_space has values for each parameter", f"none for {name}")
         for value in () if name == _HOLD else values:
             rules.keep(_fits(known, name, value), "values of search_space are of their type", f"{name} = {value!r}")
+
+
+def _check_recipe(agent: Agent, rules: Rules) -> None:
+    known = choices.declared(type(agent))
+    for name, value in agent.recipe.items():
+        fits = name in known and _fits(known, name, value)
+        rules.keep(fits, "recipe has parameters of the agent, with values of their types", f"{name} = {value!r}")
 
 
 def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool:

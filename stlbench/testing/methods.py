@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from functools import partial
+from typing import get_args
 
 import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification, Unsuitable
 from stlbench.contract.arrays import are_numbers, kind_of
+from stlbench.contract.method import FormulaKind
 from stlbench.contract.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.breaches import breach
@@ -32,7 +34,8 @@ def check_method(method: type[RewardMethod] | str, task: str | None = None, rule
 
     The rules: `initial_memory`, `along` and `inputs` give finite values of the contract's shapes, are pure and leave
     their arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
-    [-1, 1], rewards at most about `scale` in size and none below `floor`; `describe` gives what JSON can hold.
+    [-1, 1], rewards at most about `scale` in size and none below `floor`; `describe` gives what JSON can hold;
+    `preference` has places for kinds of formula.
 
     Args:
         method: a class, made with its default parameters, or the name of an installed method with parameters.
@@ -70,6 +73,7 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
     rules.keep(isinstance(m, int) and m >= 0, "memory_size is a whole number, at least 0", m)
     rules.keep(bool(0 < method.scale < np.inf), "scale is positive and finite", method.scale)
     rules.keep(*_described(method))
+    rules.places(method.preference, get_args(FormulaKind))
     traces, action = _traces(method.specification), np.zeros((_ROWS, 1))
     first = (traces[:, 0], np.zeros(_ROWS, dtype=np.int64))
     memories, rewards = [rules.function("initial_memory", method.initial_memory, first, (_ROWS, m))], list[Array]()

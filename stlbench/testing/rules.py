@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,11 @@ class Rules:
             self._kept.pop(rule, None)  # an earlier check may have kept it
             raise RuleBroken(f"rule broken: {rule}; got {one_line(got)}")
         self._kept[rule] = None
+
+    def places(self, preference: Mapping[Any, int], kinds: Collection[str]) -> None:
+        """Check the places of an agent or of a method among others (`preference`)."""
+        fits = {*preference} <= {*kinds} and all(isinstance(place, int) and place > 0 for place in preference.values())
+        self.keep(fits, f"preference has places from 1 on for some of {', '.join(kinds)}", dict(preference))
 
     def function(
         self,

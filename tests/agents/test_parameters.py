@@ -141,7 +141,7 @@ def test_without_torch_and_sb3_all_agents_can_be_listed_and_dqn_trains() -> None
 
 def test_an_agent_for_the_other_kind_of_actions_is_a_row_with_that_reason() -> None:
     cell = hold_disc_by("td3")
-    assert check_cells([cell]) == ("task hold-disc has no recipe for agent td3, which trains with its defaults",)
+    assert check_cells([cell]).notes == ("task hold-disc has no recipe for agent td3, which trains with its defaults",)
     result = run_cell(cell)
     assert result.status == "unsuitable"
     assert "the task's actions v, omega are a grid, and this agent's are continuous" in result.reason

@@ -18,7 +18,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.study.plan import Cell, plan_cells
-from stlbench.study.run import build_executor, run_cells
+from stlbench.study.run import run_cells
+from stlbench.study.scheduler import build_executor
 
 __all__ = ["ANNOUNCED", "RESULTS", "kinds", "main"]
 

@@ -17,6 +17,7 @@ from stlbench.records import upkeep
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result_files import writing
 from stlbench.study import run
+from stlbench.study.scheduler import build_executor
 
 HOLDS = """
 import sys, time
@@ -67,7 +68,7 @@ def test_a_process_that_was_killed_holds_nothing(held):
 
 def test_what_a_run_has_started_does_not_hold_the_folder_when_it_has_ended(tmp_path):
     study(tmp_path, "a")
-    study(tmp_path, "a", "kill", executor=run.build_executor(jobs=1))
+    study(tmp_path, "a", "kill", executor=build_executor(jobs=1))
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert [entry.status for entry in ledger.results()] == ["unsuitable", "killed"]
 

@@ -14,6 +14,7 @@ from stlbench.registry.fingerprint import code_of
 from stlbench.study import run
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import key_without_code, run_checked
+from stlbench.study.plan import Checked
 
 
 @pytest.fixture
@@ -153,3 +154,11 @@ def test_old_results_are_kept_where_the_user_says_so_and_accidents_are_not(study
         found = {result.id.method.name: result.key for result in ledger.results()}
         assert found == {"a": "key-0-", "raise": "key-1-1", "b": "key-2-1"}
         assert ledger.missing() == []
+
+
+def test_results_of_other_code_that_are_kept_are_not_checked(study, monkeypatch):
+    study(cells("a"))
+    checked = list[str]()
+    monkeypatch.setattr(run, "check_cells", lambda cells: checked.extend(map(str, cells)) or Checked())
+    assert study(cells("a", agent="1"), keep_old=True)[0] == (0, 1)
+    assert checked == []

@@ -15,8 +15,9 @@ from stlbench.records.result_files import LINES
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.code_changes import run_checked
-from stlbench.study.plan import warm
-from stlbench.study.run import build_executor, run_cells
+from stlbench.study.plan import Checked, warm
+from stlbench.study.run import run_cells
+from stlbench.study.scheduler import build_executor
 
 
 class Told:
@@ -43,7 +44,7 @@ def study(folder, cells, **words):
 
 
 def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: ("by the way",))
+    monkeypatch.setattr(run, "check_cells", lambda cells: Checked(("by the way",)))
     cells = scripted_cells.cells("a", "b", "raise", deadline=7)
     ran, lines = study(tmp_path, cells)
     assert ran == [("a", 7), ("b", 7), ("raise", 7)]
@@ -60,13 +61,19 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path,
 
 def test_what_is_not_compiled_is_compiled_before_the_first_cell_and_the_caller_is_told(tmp_path, monkeypatch):
     cells, done = scripted_cells.cells("a", "b"), list[str]()
-    work = (choice_of("dqn[head=joint]"), lambda: done.append("compiled"))
-    monkeypatch.setattr(run, "uncompiled", lambda cells: [work] if cells else [])
+
+    class Compiles:
+        def uncompiled(self):
+            return None if done else lambda: done.append("compiled")
+
+    agents = [(cells[0].id.agent, Compiles()), (cells[0].id.agent, Compiles()), (choice_of("other"), None)]
+    monkeypatch.setattr(run, "check_cells", lambda cells: Checked(agents=tuple(agents)))
     _, lines = study(tmp_path, cells)
-    assert lines[1] == "compiling dqn[head=joint], once per machine"
+    assert lines[1:3] == ["compiling agent, once per machine", ("a", "unsuitable")]
     assert done == ["compiled"]
+    done.clear()
     _, lines = study(tmp_path, cells)
-    assert done == ["compiled"]
+    assert done == []
     assert not any("compiling" in line for line in lines)
 
 
@@ -113,7 +120,7 @@ def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked
     def refuse(cells):
         if any(cell.id.method.name == "wrong" for cell in cells):
             raise UsageError("wrong: no parameter")
-        return ()
+        return Checked()
 
     monkeypatch.setattr(run, "check_cells", refuse)
     cells = scripted_cells.cells("a", "wrong")

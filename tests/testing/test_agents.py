@@ -95,6 +95,10 @@ seeds = iter(range(1000))
     [
         (broken(search_space={"rat": (1,)}), "search_space names parameters of the agent, and hold; got rat"),
         (broken(search_space={"rate": ()}), "search_space has values for each parameter; got none for rate"),
+        (broken(recipe={"rat": 1}), "recipe has parameters of the agent, with values of their types; got rat = 1"),
+        (broken(recipe={"rate": "x"}), "recipe has parameters of the agent, with values of their types; got rate"),
+        (broken(preference={"line": 1}), "preference has places from 1 on for some of grid, robots, box; got"),
+        (broken(preference={"grid": 0}), "preference has places from 1 on for some of grid, robots, box; got"),
         (broken(search_space={"rate": ("x",)}), "values of search_space are of their type; got rate = 'x'"),
         (broken(cost=lambda self, size, *_: Cost(1, 1 / size)), "cost does not fall where observations or decisions"),
         (broken(cost=lambda self, size, *_: Cost(-1, 1)), "cost has bytes of the replay, at least 0"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from stlbench.contract import Model, StatePolicy, Training
@@ -63,6 +64,7 @@ class Planner(_GridPlanner):
     """
 
     plans = "reward"
+    recipe = MappingProxyType({"gamma": 0.9})
 
     gamma: Share = 0.95
     """discount of a decision, that is, of `hold` steps"""
