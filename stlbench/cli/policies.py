@@ -196,7 +196,7 @@ def list_policies(results: Kept = None, as_json: Json = False) -> None:
 
 def _facts(result: Result) -> dict[str, Any]:
     assert result.measurement is not None
-    cell, score = result.id, reported(result.measurement.selected)
+    cell, score = result.id, result.measurement.score
     numbers = {"robustness": score.mean, "satisfaction": score.satisfaction, "starts": score.starts}
     return {"cell": cell.name, "budget": cell.budget, "track": cell.track, **numbers, "key": result.key}
 
