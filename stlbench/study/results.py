@@ -101,8 +101,8 @@ class Results:
         rows: dict[CellId, Mapping[str, Any]] = {cell: {"status": NOT_RUN, "reason": ""} for cell in self.missing}
         for result in self.results:
             measured = result.measurement
-            values = {name: datum.of(measured) for name, datum in _OF_CELL.items()} if measured else {}
-            known = {name: value for name, value in values.items() if value is not None}
+            values = ((name, datum.of(measured)) for name, datum in _OF_CELL.items() if measured)
+            known = {name: value for name, value in values if value is not None}
             facts = {name: result.provenance[name] for name in provenance if name in result.provenance}
             rows[result.id] = {"status": result.status, "reason": result.reason, **known, **facts}
         table = _table(sorted(rows.items()), (*own, *provenance))
