@@ -157,7 +157,7 @@ def _text(result: Result, results: Path) -> Iterator[str | Table]:
     _warn_of_ends(result.measurement.selected)
     groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
     yield Report(groups, {}).robustness
-    counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})
+    counts = sorted({count for group in groups for count in group.values("starts")})
     if len(counts) > 1:
         rule = "compare only rows from equally many; --budget chooses the number"
         yield f"The rows are from {', '.join(map(str, counts[:-1]))} or {counts[-1]} starts: {rule}"
@@ -196,7 +196,7 @@ def list_policies(results: Kept = None, as_json: Json = False) -> None:
 
 def _facts(result: Result) -> dict[str, Any]:
     assert result.measurement is not None
-    cell, score = result.id, reported(result.measurement.selected)
+    cell, score = result.id, result.measurement.score
     numbers = {"robustness": score.mean, "satisfaction": score.satisfaction, "starts": score.starts}
     return {"cell": cell.name, "budget": cell.budget, "track": cell.track, **numbers, "key": result.key}
 

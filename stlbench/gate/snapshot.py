@@ -1,4 +1,4 @@
-"""Snapshots: a few numbers of each cell, and where they are from; read, or measured again. The gate compares two.
+"""Snapshots: of each cell the numbers that the gate compares, and where they are from; read, or measured again.
 
 A *reference* is a snapshot in a folder: `cells.csv`, one row per cell, is small enough for git and shows changes in a
 diff; `provenance.json` says how it was measured.
@@ -9,22 +9,22 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import lines, stored
-from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell
+from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell, adapter
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.result import ACCIDENTS, NOT_RUN, TASK_FOLDER, Result, Status
+from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, TASK_FOLDER, Result, Status
 from stlbench.records.result_files import LINES, csv_text, followed, read, to_read, write
-from stlbench.records.rows import numbers
 from stlbench.records.schema import is_sqlite
 from stlbench.share.bundle import unpacked
 from stlbench.study.cell import Cell
@@ -33,20 +33,82 @@ from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE
 from stlbench.study.run import run_cells
 
+Floats = NDArray[np.float64]
 _PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ from cell to cell
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One cell. The numbers are None where it was not measured. The fields' names are those of the table's columns."""
+    """One cell."""
 
     id: ReadCell
     status: Status
     reason: Line = ""
-    robustness_mean: float | None = None  # of the selected policy, over the starts of the report
-    satisfaction: float | None = None  # share of the starts, in [0, 1]
-    training_cpu_seconds: float | None = None
-    reward_nanoseconds: float | None = None  # CPU nanoseconds of the method's reward per step
+    numbers: Mapping[str, float | None] = field(default_factory=dict)
+    """Column -> value of the metrics; none where it was not measured."""
+
+
+def relative(base: Floats, new: Floats) -> Floats:
+    """Gain over the size of the base, per seed: its own, or half the mean over the seeds where that is more."""
+    size = np.abs(base)
+    size = np.maximum(size, size.mean() / 2)
+    gain: Floats = (new - base) / np.where(size > 0, size, 1.0)
+    return gain
+
+
+def absolute(base: Floats, new: Floats) -> Floats:
+    return new - base
+
+
+def speed(base: Floats, new: Floats) -> Floats:
+    """Logarithm of how many times faster."""
+    gain: Floats = np.log(base) - np.log(new)
+    return gain
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number of a cell, and how two of them are compared. Losses are in the unit of `gain`."""
+
+    name: str
+    column: str  # of `SCHEMA`
+    gain: Callable[[Floats, Floats], Floats]
+    tolerated: float  # the largest average loss that is not worse
+    shown: str  # how a change is written (see `change`)
+
+    def value(self, sample: Sample) -> float | None:
+        """None where it was not measured."""
+        return sample.numbers.get(self.column)
+
+    @property
+    def is_cost(self) -> bool:
+        """A CPU time: two of them say something only if they were measured by turns."""
+        return self.gain is speed
+
+    def written(self, value: float | None) -> object:
+        """Of a cost four digits; of the others all, so that equal results are seen to be equal."""
+        return f"{value:.4g}" if self.is_cost and value is not None else value
+
+    def change(self, gain: float) -> float:
+        """A gain for people: of a cost, new over base; otherwise the gain itself."""
+        return math.exp(-gain) if self.is_cost else gain
+
+    def text(self, gain: float) -> str:
+        return self.shown.format(self.change(gain))
+
+
+QUALITIES = (
+    Metric("robustness", "robustness_mean", relative, 0.05, "{:+.1%}"),
+    Metric("satisfaction", "satisfaction", absolute, 0.05, "{:+.3f}"),
+)
+"""The same code gives the same bits."""
+COSTS = (
+    Metric("CPU", "training_cpu_seconds", speed, math.log(1.3) / 2, "x{:.2f}"),
+    Metric("reward", "reward_nanoseconds", speed, math.log(1.5), "x{:.2f}"),
+)
+"""CPU: seconds of training; reward: nanoseconds of the method's reward per step. A limit in the middle between no loss
+and the loss to be found makes both errors equally rare: 1.3 times for the CPU, and 2.25 for the much noisier reward."""
+METRICS = QUALITIES + COSTS
 
 
 @dataclass(frozen=True)
@@ -58,9 +120,9 @@ class Snapshot:
 
 
 def sample(result: Result) -> Sample:
-    columns = numbers(result.measurement) if result.measurement else {}
-    measured = {name: columns.get(name) for name in NUMBERS}
-    return Sample(result.id, result.status, " ".join(result.reason.split()), **measured)
+    measured = result.measurement
+    numbers = {} if measured is None else {name: SCHEMA[name].of(measured) for name in NUMBERS}
+    return Sample(result.id, result.status, result.reason, numbers)
 
 
 def gather(results: Iterable[Result]) -> Snapshot:
@@ -77,9 +139,8 @@ def gather(results: Iterable[Result]) -> Snapshot:
 
 
 TABLE, PROVENANCE = "cells.csv", "provenance.json"
-COSTS = ("training_cpu_seconds", "reward_nanoseconds")
-NUMBERS = ("robustness_mean", "satisfaction", *COSTS)
-COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id"))
+NUMBERS = tuple(metric.column for metric in METRICS)
+COLUMNS = (*IDENTITY, "status", "reason", *NUMBERS)
 
 
 def load(path: Path) -> Snapshot:
@@ -106,13 +167,12 @@ def load(path: Path) -> Snapshot:
 
 
 def save(folder: Path, snapshot: Snapshot) -> None:
-    """Write a reference. Robustness and satisfaction have all digits, so that equal results are seen to be equal."""
+    """Write a reference."""
     rows = list[list[object]]()
     for cell in sorted(snapshot.samples):
-        values = vars(cell) | vars(snapshot.samples[cell])
-        for name in COSTS:
-            values[name] = values[name] if values[name] is None else f"{values[name]:.4g}"
-        rows.append([values[name] for name in COLUMNS])
+        sample = snapshot.samples[cell]
+        numbers = [metric.written(metric.value(sample)) for metric in METRICS]
+        rows.append([*cell.plain.values(), sample.status, sample.reason, *numbers])
     write(folder / TABLE, csv_text([COLUMNS, *rows]))
     write(folder / PROVENANCE, json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n")
 
@@ -126,7 +186,7 @@ def _results(path: Path) -> Snapshot:
 def _reference(folder: Path) -> Snapshot:
     file = folder / PROVENANCE
     try:
-        provenance = _adapter(dict[Line, Line]).validate_json(read(file, folder))
+        provenance = adapter(dict[Line, Line]).validate_json(read(file, folder))
     except (OSError, ValidationError) as error:
         raise UsageError(f"cannot read {file}: an object of texts is expected") from error
     return Snapshot(_table(folder / TABLE).samples, provenance)
@@ -155,21 +215,17 @@ def _row(row: Mapping[str, str | None], where: str) -> Sample:
         raise UsageError(f"{where}: no column {', '.join(missing)}; expected are {', '.join(COLUMNS)}")
     texts = {name: row.get(name) or "" for name in COLUMNS}
     cell = {name: texts[name] for name in IDENTITY if texts[name] or name != "track"}  # a table may have no tracks
-    rest = {name: text for name, text in texts.items() if name not in IDENTITY and (text or name == "reason")}
+    numbers = {name: texts[name] for name in NUMBERS if texts[name]}
+    ended = {name: texts[name] for name in ("status", "reason")}
     try:
-        sample: Sample = _adapter(Sample).validate_python({"id": cell, **rest})
+        sample: Sample = adapter(Sample).validate_python({"id": cell, **ended, "numbers": numbers})
     except ValidationError as error:
         first = error.errors()[0]
-        name = next(str(part) for part in first["loc"] if part != "id")
+        name = next(str(part) for part in first["loc"] if part not in ("id", "numbers"))
         raise UsageError(f"{where}: {name} is {texts[name]!r}: {in_words(first['msg'])}") from error
-    if sample.status == "done" and any(getattr(sample, name) is None for name in NUMBERS):
+    if sample.status == "done" and len(numbers) < len(NUMBERS):
         raise UsageError(f"{where}: status is done and one of {', '.join(NUMBERS)} is empty")
     return sample
-
-
-@lru_cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
 
 
 def select(reference: Path, **chosen: Collection[object] | None) -> Snapshot:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, Verdict
-from stlbench.gate.snapshot import Snapshot
+from stlbench.gate.judge import EXIT, Comparison, Judgement, Verdict
+from stlbench.gate.snapshot import METRICS, Snapshot
 from stlbench.records import result_files
 from stlbench.report import Column, Table, Value, to_markdown
 

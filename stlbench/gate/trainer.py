@@ -15,7 +15,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
-from stlbench.gate.snapshot import NUMBERS, sample
+from stlbench.gate.snapshot import sample
 from stlbench.registry.choices import parse_choice
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells, warm
@@ -63,7 +63,7 @@ def answer(request: Mapping[str, Any]) -> Answer:
 def _train(cell: Cell, sender: Connection) -> None:
     try:
         measured = sample(run_cell(cell))
-        answer: Answer = {name: getattr(measured, name) for name in ("status", "reason", *NUMBERS)}
+        answer: Answer = {"status": measured.status, "reason": measured.reason, **measured.numbers}
     except Exception as error:
         answer = {"status": "raised", "reason": f"{type(error).__name__}: {error}"}
     files = {getattr(module, "__file__", None) for module in list(sys.modules.values())} - {None}

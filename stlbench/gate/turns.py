@@ -30,8 +30,8 @@ import numpy as np
 from scipy import special
 
 from stlbench.errors import UsageError, one_line
-from stlbench.gate.judge import COSTS, QUALITIES, Comparison, Judgement, Metric, Verdict, compare, judge, values_of
-from stlbench.gate.snapshot import Sample, Snapshot
+from stlbench.gate.judge import Comparison, Judgement, Verdict, compare, judge, values_of
+from stlbench.gate.snapshot import COSTS, QUALITIES, Metric, Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 from stlbench.registry import plugins
 from stlbench.statistics.intervals import median_interval
@@ -278,7 +278,7 @@ class Trainer:
         foreign = [file for file in answer.pop("files", ()) if self.other.holds(file)]
         if foreign:
             raise UsageError(f"{self.tree.name} cannot be measured: its training loads {foreign[0]}")
-        return None if status == "unknown" else Sample(cell, status, reason, **answer)
+        return None if status == "unknown" else Sample(cell, status, reason, answer)
 
     def _answer(self, request: str) -> dict[str, Any]:
         assert self.process.stdin is not None

@@ -8,9 +8,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Annotated, Literal, Self, cast, get_args
+from typing import Annotated, Any, Literal, Self, cast, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, TypeAdapter, ValidationError
 
 from stlbench.errors import PAGE, UsageError, did_you_mean, in_words, one_line
 from stlbench.registry.choices import Choice, choice_of, parse_choice
@@ -57,6 +57,19 @@ def first_problem(error: ValidationError, *above: str) -> str:
     first = error.errors(include_url=False, include_input=False)[0]
     place = ".".join(map(str, (*above, *first["loc"])))
     return one_line(": ".join(filter(None, (place, in_words(first["msg"])))))
+
+
+@lru_cache
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def valid(kind: Any, value: object) -> Any:
+    """The value as one of this kind. Raises `ValueError` with the first problem."""
+    try:
+        return adapter(kind).validate_python(value)
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from error
 
 
 Track = Literal["auto", "shared", "plain", "tuned", "outside"]

@@ -13,16 +13,14 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from io import BytesIO, TextIOWrapper
 from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, Literal, Self, TypeVar, cast
 
-from pydantic import TypeAdapter, ValidationError
-
 from stlbench.errors import UsageError
-from stlbench.records.identity import IDENTITY, CellId, ReadCell, first_problem
+from stlbench.records.identity import IDENTITY, CellId, ReadCell, valid
 from stlbench.records.result import NOT_RUN, TASK_FOLDER, Result, from_json, plain, to_json
 from stlbench.records.result_files import LINES, PACKED, appended, is_there, to_read, write
 from stlbench.records.rows import LedgerWarning
@@ -46,8 +44,7 @@ class Lacking:
 
     @property
     def text(self) -> str:
-        identity = _identity().dump_python(self.cell, mode="json")
-        return json.dumps({**identity, "key": self.key, "status": self.status})
+        return json.dumps({**self.cell.plain, "key": self.key, "status": self.status})
 
     @classmethod
     def of(cls, text: str) -> Self | None:
@@ -137,15 +134,8 @@ def _cell_of(text: object) -> CellId:
     content = plain(text) if isinstance(text, str) else text
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
-    try:
-        return _identity().validate_python({name: content[name] for name in IDENTITY if name in content})
-    except ValidationError as error:
-        raise ValueError(first_problem(error)) from error
-
-
-@cache
-def _identity() -> TypeAdapter[CellId]:
-    return TypeAdapter[CellId](ReadCell)
+    cell: CellId = valid(ReadCell, {name: content[name] for name in IDENTITY if name in content})
+    return cell
 
 
 def _is_cut(text: str) -> bool:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict
 
 from stlbench.errors import UsageError, did_you_mean, one_line, printable
 from stlbench.records.identity import (
@@ -25,8 +24,9 @@ from stlbench.records.identity import (
     Share,
     Verdict,
     Whole,
-    first_problem,
+    adapter,
     safe_line,
+    valid,
 )
 from stlbench.records.observation import Described
 
@@ -116,6 +116,10 @@ class Score:
         return self.summary.satisfaction if self.summary else float(np.mean(self.satisfied))
 
     @property
+    def learned(self) -> bool:
+        return self.satisfaction >= LEARNED
+
+    @property
     def starts(self) -> int:
         """The number of starts."""
         return self.summary.starts if self.summary else len(self.robustness)
@@ -142,7 +146,7 @@ def reported(scores: Mapping[str, Score]) -> Score:
     return scores.get(RANDOM, scores[MAIN])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CurvePoint:
     """One checkpoint, scored on the starts for selection."""
 
@@ -227,6 +231,66 @@ class Measurement:
         """The selected checkpoint, scored on the starts for selection."""
         return next(point for point in self.curve if point.steps == self.selected_steps)
 
+    @property
+    def score(self) -> Score:
+        """The score that counts of the selected policy."""
+        return reported(self.selected)
+
+    @property
+    def final_score(self) -> Score:
+        """The same of the policy at the end of training."""
+        return reported(self.final)
+
+    def summarised(self) -> Measurement:
+        """The same without the values per start and the stored policies, so that thousands fit into memory."""
+        selected, final = (
+            {protocol: score.summarised() for protocol, score in scores.items()}
+            for scores in (self.selected, self.final)
+        )
+        return replace(self, selected=selected, final=final, policies=None)
+
+
+class Datum(NamedTuple):
+    """One value of a finished cell, where it has a column."""
+
+    path: str
+    """Its attribute of a `Measurement`. Where all cells lack one that is None by default, as `planned`, a table of them
+    has no column for it."""
+    ledger: bool = False
+    """Whether a ledger has it as a column, a REAL, for queries by SQL."""
+    log: str = ""
+    """The name of the number in logs; empty where they do not have it."""
+
+    def of(self, measurement: Measurement) -> Any:
+        value: Any = measurement
+        for name in self.path.split("."):
+            value = None if value is None else getattr(value, name)
+        return value
+
+
+SCHEMA: Mapping[str, Datum] = {
+    "robustness_mean": Datum("score.mean", ledger=True, log="robustness"),
+    "robustness_min": Datum("score.minimum"),
+    "satisfaction": Datum("score.satisfaction", ledger=True, log="satisfaction"),
+    "final_robustness_mean": Datum("final_score.mean", log="final_robustness"),
+    "final_satisfaction": Datum("final_score.satisfaction", log="final_satisfaction"),
+    "selected_steps": Datum("selected_steps"),
+    "training_cpu_seconds": Datum("training_cpu_seconds", ledger=True),
+    "training_wall_seconds": Datum("training_wall_seconds", ledger=True),
+    "cpu_seconds": Datum("cpu_seconds", log="cpu_seconds"),
+    "wall_seconds": Datum("wall_seconds", log="wall_seconds"),
+    "env_steps": Datum("env_steps", log="env_steps"),
+    "reward_nanoseconds": Datum("reward_nanoseconds"),
+    "inputs_added": Datum("inputs_added"),
+    "starts": Datum("score.starts"),
+    "extension": Datum("extension"),
+    "ended_early": Datum("score.ended_early"),
+    "maximised": Datum("planned.maximised"),
+    "grid_value": Datum("planned.value"),
+}
+"""Column -> value, for ledgers, cells.csv, tables in Python, logs and the gate. A new one is a line here, and above an
+attribute with a default, as earlier results lack it."""
+
 
 def _complete(measured: Measurement) -> Measurement:
     if MAIN not in measured.selected:
@@ -271,20 +335,18 @@ def _measured_if_done(result: Result) -> Result:
     return result
 
 
-@lru_cache
-def _adapter() -> TypeAdapter[Result]:
-    return TypeAdapter(Annotated[Result, AfterValidator(_measured_if_done)])
+_Read = Annotated[Result, AfterValidator(_measured_if_done)]
 
 
 def to_json(result: Result) -> str:
     """The result as one line of JSON. The parts of its identity are keys at the top level."""
-    content = _adapter().dump_python(result, mode="json")
+    content = adapter(_Read).dump_python(result, mode="json")
     return json.dumps({**content.pop("id"), **content})
 
 
 def plain_scores(scores: Mapping[str, Score]) -> dict[str, Any]:
     """Protocol -> score as `to_json` writes it within a measurement."""
-    plain: dict[str, Any] = TypeAdapter(dict[str, Score]).dump_python(dict(scores), mode="json")
+    plain: dict[str, Any] = adapter(dict[str, Score]).dump_python(dict(scores), mode="json")
     return plain
 
 
@@ -302,7 +364,5 @@ def from_json(text: str | bytes) -> Result:
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
     identity = {name: content.pop(name) for name in IDENTITY if name in content}
-    try:
-        return _adapter().validate_python({**content, "id": identity})
-    except ValidationError as error:
-        raise ValueError(first_problem(error)) from error
+    result: Result = valid(_Read, {**content, "id": identity})
+    return result

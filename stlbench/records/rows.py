@@ -1,5 +1,5 @@
-"""The rows of a ledger: a result as flat columns, for tables, logs and the gate; checksums; and a ledger read row by
-row, of which a damaged part is named in a warning, and skipped.
+"""The rows of a ledger, with checksums; a ledger read row by row, of which a damaged part is named in a warning, and
+skipped.
 """
 
 from __future__ import annotations
@@ -9,51 +9,16 @@ import json
 import sqlite3
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
 from datetime import UTC, datetime
-from functools import lru_cache
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from pydantic import TypeAdapter, ValidationError
-
 from stlbench.errors import UsageError, one_line
-from stlbench.records.identity import IDENTITY, CellId, Name, ReadCell, Whole, first_problem
-from stlbench.records.result import Measurement, Result, Score, Status, from_json, plain, reported, to_json
+from stlbench.records.identity import IDENTITY, CellId, Name, ReadCell, Whole, valid
+from stlbench.records.result import SCHEMA, Result, Status, from_json, plain, to_json
 from stlbench.records.result_files import cell_files, is_there, read
 from stlbench.records.schema import COLUMNS, LISTED, VERSION, is_damaged, is_sqlite, opened, unusable
-
-_NESTED = ("selected", "final", "curve", "planned", "policies")
-
-
-def numbers(measurement: Measurement) -> dict[str, Any]:
-    """All columns of a measurement.
-
-    Scores are those that count (`reported`), of the selected policy and, with the prefix `final_`, of the final one:
-    `robustness_mean`, `robustness_min`, `satisfaction` in [0, 1], `ended_early` and `starts`. The other columns are the
-    fields of `Measurement` that are a single value, and `maximised` and `grid_value` of a policy that was planned.
-    """
-    columns = {each.name: getattr(measurement, each.name) for each in fields(Measurement) if each.name not in _NESTED}
-    for prefix, scores in (("", measurement.selected), ("final_", measurement.final)):
-        columns |= {f"{prefix}{name}": value for name, value in score_numbers(reported(scores)).items()}
-    planned = measurement.planned
-    return columns if planned is None else columns | {"maximised": planned.maximised, "grid_value": planned.value}
-
-
-def score_numbers(score: Score) -> dict[str, float | int | None]:
-    """A score as flat columns."""
-    return {
-        "robustness_mean": score.mean,
-        "robustness_min": score.minimum,
-        "satisfaction": score.satisfaction,
-        "ended_early": score.ended_early,
-        "starts": score.starts,
-    }
-
-
-_NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training_wall_seconds")
-"""Columns for queries by SQL."""
 
 
 class Row(NamedTuple):
@@ -68,7 +33,7 @@ class Row(NamedTuple):
     def of(cls, number: int, key: object, status: object, failures: object, again: object, *identity: object) -> Self:
         """The row from a rowid and the columns `LISTED`. Raises `ValueError` if they are damaged."""
         named = dict(zip(IDENTITY, identity, strict=True))
-        row: Self = _valid(cls, (number, key, status, failures, again, named))
+        row: Self = valid(cls, (number, key, status, failures, again, named))
         return row
 
     def is_of(self, result: Result) -> bool:
@@ -78,20 +43,8 @@ class Row(NamedTuple):
 
 def cell_of(*identity: object) -> CellId:
     """The cell of the columns `IDENTITY`. Raises `ValueError` if they are damaged."""
-    cell: CellId = _valid(ReadCell, dict(zip(IDENTITY, identity, strict=True)))
+    cell: CellId = valid(ReadCell, dict(zip(IDENTITY, identity, strict=True)))
     return cell
-
-
-def _valid(kind: Any, value: object) -> Any:
-    try:
-        return _adapter(kind).validate_python(value)
-    except ValidationError as error:
-        raise ValueError(first_problem(error)) from error
-
-
-@lru_cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
 
 
 def texts(cell: CellId) -> tuple[str | int, ...]:
@@ -102,13 +55,12 @@ def texts(cell: CellId) -> tuple[str | int, ...]:
 def values(result: Result, folder: Path, failures: int) -> dict[str, str | int | float | None]:
     """Column -> value of the row of a result that is recorded now, in a folder that has its files already."""
     measured, text = result.measurement, to_json(result)
-    columns = numbers(measured) if measured else {}
     return {
         "key": result.key,
         **result.id.plain,
         "status": result.status,
         "reason": result.reason,
-        **{name: columns.get(name) for name in _NUMBERS},
+        **{name: None if measured is None else datum.of(measured) for name, datum in SCHEMA.items() if datum.ledger},
         "recorded_at": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "result": text,
         "checksum": checksum_of(text),

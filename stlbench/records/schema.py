@@ -12,6 +12,7 @@ from typing import Any
 
 from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.identity import IDENTITY
+from stlbench.records.result import SCHEMA
 from stlbench.records.result_files import LINES, PACKED, inside, is_there
 
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"  # the columns of a `Row`
@@ -27,10 +28,11 @@ _COUNT_TABLES = "SELECT count(*) FROM sqlite_schema"  # the cheapest query that 
 APPLICATION = int.from_bytes(b"STLB", "big")  # in `PRAGMA application_id`: tells a ledger from any other SQLite file
 _IDENTITY = """key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL,
     seed INTEGER NOT NULL, budget TEXT NOT NULL, track TEXT NOT NULL"""
+_REALS = tuple(name for name, datum in SCHEMA.items() if datum.ledger)
 _TABLES = (
     f"""CREATE TABLE IF NOT EXISTS cells (
-    {_IDENTITY}, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
-    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL,
+    {_IDENTITY}, status TEXT NOT NULL, reason TEXT NOT NULL, {" REAL, ".join(_REALS)} REAL,
+    recorded_at TEXT NOT NULL, result TEXT NOT NULL,
     checksum TEXT NOT NULL, files TEXT NOT NULL, failures INTEGER NOT NULL, again INTEGER NOT NULL
     )""",
     f"CREATE TABLE IF NOT EXISTS planned ({_IDENTITY})",
@@ -72,8 +74,8 @@ def opened(path: Path, *, to_write: bool = False) -> sqlite3.Connection:
                     database = sqlite3.connect(":memory:", isolation_level=None)
                     undone.callback(database.close)
                 _make(database)
-            elif to_write and version < VERSION:
-                _renew(database)
+            elif to_write:
+                _renew(database, version)
             undone.pop_all()
             return database
     except (OSError, sqlite3.Error) as error:
@@ -153,10 +155,17 @@ class _Connection(sqlite3.Connection):
             raise sqlite3.DatabaseError(f"a name in it is no UTF-8 ({one_line(error)})") from error
 
 
-def _renew(database: sqlite3.Connection) -> None:
-    """Give a ledger of the version before the list of its rows, as far as the index says them."""
+def _renew(database: sqlite3.Connection, version: int) -> None:
+    """Give a ledger the columns of `SCHEMA` that it lacks, and one of the version before the list of its rows, as far
+    as the index says them."""
+    known = {row[1] for row in database.execute("PRAGMA table_info(cells)")}
+    lacking = [name for name in _REALS if name not in known]
+    if version == VERSION and not lacking:
+        return
     with database:
         database.execute("BEGIN IMMEDIATE")
+        for name in lacking:
+            database.execute(f"ALTER TABLE cells ADD COLUMN {name} REAL")
         for statement in _TABLES:
             database.execute(statement)
         with suppress(sqlite3.DatabaseError):

@@ -33,9 +33,9 @@ from stlbench.report.figures.files import (
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.tables.comparisons import verdicts
-from stlbench.report.tables.rows import Group, Numbers, Row
-from stlbench.report.tables.runs import CELL, ENDED_EARLY, if_done, percent, scores_and_cost
-from stlbench.report.tables.table import Column, Table, Value, show
+from stlbench.report.tables.rows import Group, Row
+from stlbench.report.tables.runs import CELL, if_done, score_columns, scores_and_cost
+from stlbench.report.tables.table import Column, Table, show
 from stlbench.rollout.faults import Ask
 from stlbench.task.task import Task
 
@@ -61,20 +61,12 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
         notes.append(f"This table has the {which}, not all {len(rows)} cells; `stlbench show cell` shows any.")
         rows = shown
     notes.append("Numbers are of the selected policy, from the report's starts. A cell opens for scores, cost and log.")
-    numbers: dict[Column, Callable[[Numbers], Value]] = {
-        Column("mean robustness", digits=3): lambda each: each.robustness_mean,
-        Column("worst start", digits=3): lambda each: each.robustness_min,
-        Column("satisfied", unit="%", digits=1): lambda each: 100 * each.satisfaction,
-        Column("ended early", unit="%", digits=1): lambda each: percent(each.ended_early),
-        Column("cell CPU", unit="s", digits=1): lambda each: each.cpu_seconds,
-    }
-    if any(row.numbers and row.numbers.ended_early for row in rows):
-        notes.append(ENDED_EARLY)
-    else:
-        numbers = {column: value for column, value in numbers.items() if column.title != "ended early"}
+    scores, further = score_columns(lambda each: each.score, [row.measurement for row in rows if row.measurement])
+    scores[Column("cell CPU", unit="s", digits=1)] = lambda each: each.cpu_seconds
     *first, reason = CELL.items()
-    columns = {**dict(first), **if_done(numbers), **dict([reason])}
-    return rows, Table.of("Cells", rows, columns, tuple(notes)).trimmed()
+    full = {replace(column, short=""): value for column, value in if_done(scores).items()}
+    columns = {**dict(first), **full, **dict([reason])}
+    return rows, Table.of("Cells", rows, columns, (*notes, *further)).trimmed()
 
 
 def cell_part(row: Row, result: Result | None, folder: Path) -> Part:
@@ -298,7 +290,7 @@ class _Page:
             lacks.append(f"There is no folder {TRACES}/ beside these results: what policies did is not shown.")
         elif task is not None:
             for group in shown:
-                members = [found for row in group.rows if row.numbers and (found := self.find(row.id))]
+                members = [found for row in group.rows if row.measurement and (found := self.find(row.id))]
                 try:
                     if story := tell_story(task, members, self.folder):
                         stories[group.setting] = story

@@ -18,22 +18,13 @@ from typing import Protocol, Self, cast, runtime_checkable
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId
-from stlbench.records.result import Result
+from stlbench.records.result import SCHEMA, Result
 from stlbench.records.result_files import inside
-from stlbench.records.rows import numbers
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 
 _MOST_SECONDS = 30.0  # that one call of a log may take
 _END_SECONDS = 60.0  # that logs may take after the end of a run
-_LOGGED = {
-    "satisfaction": "satisfaction",
-    "robustness": "robustness_mean",
-    "final_satisfaction": "final_satisfaction",
-    "final_robustness": "final_robustness_mean",
-    **{name: name for name in ("cpu_seconds", "wall_seconds", "env_steps")},
-}
-"""Name in a log -> column of `numbers`."""
 
 
 def build_logs(choices: Iterable[Choice]) -> dict[str, RunLog]:
@@ -55,10 +46,10 @@ def logged(result: Result) -> LoggedCell:
     measured, name = result.measurement, result.id.name
     if measured is None:
         return LoggedCell(name, result.id.budget, result.status, result.reason)
-    columns = numbers(measured)
-    logged_numbers = {name: float(columns[column]) for name, column in _LOGGED.items()}
+    values = {datum.log: datum.of(measured) for datum in SCHEMA.values() if datum.log}
+    numbers = {name: float(value) for name, value in values.items() if value is not None}
     curve = [LoggedCheckpoint(name, at.steps, at.satisfaction, at.robustness_mean) for at in measured.curve]
-    return LoggedCell(name, result.id.budget, result.status, "", logged_numbers, tuple(curve))
+    return LoggedCell(name, result.id.budget, result.status, "", numbers, tuple(curve))
 
 
 @runtime_checkable

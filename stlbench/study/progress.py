@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.text import Text
 
 from stlbench.records.identity import CellId, Setting
-from stlbench.records.result import ACCIDENTS, Result, reported
+from stlbench.records.result import ACCIDENTS, Result
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -153,7 +153,7 @@ def describe(result: Result) -> str:
     name = result.id.name
     if result.measurement is None:
         return f"{name} {result.status}: {result.reason}" if result.reason else f"{name} {result.status}"
-    score = reported(result.measurement.selected)
+    score = result.measurement.score
     return (
         f"{name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "
         f"{result.measurement.wall_seconds:.1f} s"

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
 
 from stlbench.records import stored
 from stlbench.records.array_files import SavedTraces, Which, read_cell
 from stlbench.records.identity import IDENTITY, CellId, find_cell
-from stlbench.records.result import ACCIDENTS, NOT_RUN, Result
-from stlbench.records.rows import numbers, score_numbers
+from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, CurvePoint, Measurement, Result
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,14 +20,13 @@ if TYPE_CHECKING:
     from stlbench.report import Report, Table
     from stlbench.study.policies import LoadedPolicy
 
-_NUMBERS = (
-    *("selected_steps", "training_cpu_seconds", "training_wall_seconds", "cpu_seconds", "wall_seconds", "env_steps"),
-    *("reward_nanoseconds", "inputs_added", "extension"),
-)
-_PLANNED = ("maximised", "grid_value")
-_COUNTS = ("selected_steps", "env_steps", "inputs_added")
-_SCORE = ("robustness_mean", "robustness_min", "satisfaction", "ended_early")
-_CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean", "starts")
+_OF_CELL = {name: datum for name, datum in SCHEMA.items() if "score." not in datum.path}
+_OF_SCORE = {
+    name: attrgetter(datum.path.removeprefix("score."))
+    for name, datum in SCHEMA.items()
+    if datum.path.startswith("score.") and name != "starts"
+}
+_CURVE = tuple(part.name for part in fields(CurvePoint))
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,17 +95,20 @@ class Results:
         `maximised`, reward or formula, and `grid_value`, what the plan expects, are of policies that were planned, and
         missing for those that were learned.
         """
-        own = ("status", "reason", *_NUMBERS, *_PLANNED)
+        own = ("status", "reason", *_OF_CELL)
         named = dict.fromkeys(name for result in self.results for name in result.provenance)
         provenance = tuple(name for name in named if name not in (*IDENTITY, *own))
         rows: dict[CellId, Mapping[str, Any]] = {cell: {"status": NOT_RUN, "reason": ""} for cell in self.missing}
         for result in self.results:
-            columns = numbers(result.measurement) if result.measurement else {}
-            known = {name: columns[name] for name in (*_NUMBERS, *_PLANNED) if name in columns}
+            measured = result.measurement
+            values = ((name, datum.of(measured)) for name, datum in _OF_CELL.items() if measured)
+            known = {name: value for name, value in values if value is not None}
             facts = {name: result.provenance[name] for name in provenance if name in result.provenance}
             rows[result.id] = {"status": result.status, "reason": result.reason, **known, **facts}
         table = _table(sorted(rows.items()), (*own, *provenance))
-        return table.astype(dict.fromkeys(_COUNTS, "Int64"))
+        kinds = {name: (kind, *get_args(kind)) for name, kind in get_type_hints(Measurement).items()}
+        whole = [name for name, datum in _OF_CELL.items() if int in kinds.get(datum.path, ())]
+        return table.astype(dict.fromkeys(whole, "Int64"))
 
     def robustness(self) -> pd.DataFrame:
         """One row per finished cell, protocol and policy.
@@ -118,7 +120,7 @@ class Results:
         it was not counted.
         """
         rows = (
-            (result.id, {"protocol": protocol, "policy": policy} | score_numbers(score))
+            (result.id, {"protocol": protocol, "policy": policy} | {name: of(score) for name, of in _OF_SCORE.items()})
             for result in self.results
             if result.measurement
             for protocol in result.measurement.selected
@@ -127,7 +129,7 @@ class Results:
                 ("final", result.measurement.final[protocol]),
             )
         )
-        return _table(rows, ("protocol", "policy", *_SCORE)).astype({"ended_early": float})
+        return _table(rows, ("protocol", "policy", *_OF_SCORE)).astype(dict.fromkeys(_OF_SCORE, float))
 
     def table(self) -> pd.DataFrame:
         """One row per method on a task: the table that `stlbench run` prints.

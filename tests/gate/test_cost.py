@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from helpers.studies import load
 
-from stlbench.gate.judge import COSTS, Comparison, Verdict
-from stlbench.gate.snapshot import Sample, Snapshot
+from stlbench.gate.judge import Comparison, Verdict
+from stlbench.gate.snapshot import COSTS, NUMBERS, Sample, Snapshot
 from stlbench.gate.turns import MOST, Turn, judge_costs, judge_turns, unclear
 from stlbench.records.identity import CellId
 
@@ -23,7 +23,12 @@ RECORDED = Path(__file__).parents[2] / "results" / "gate-pairs" / "turns.csv"
 
 
 def sample(seed: int = 0, seconds: float = 2.0, nanoseconds: float = 20.0, method: str = "funnel") -> Sample:
-    return Sample(CellId.parse(f"disc/{method}/dqn/{seed}", "smoke"), "done", "", 0.3, 0.8, seconds, nanoseconds)
+    numbers = dict(zip(NUMBERS, (0.3, 0.8, seconds, nanoseconds), strict=True))
+    return Sample(CellId.parse(f"disc/{method}/dqn/{seed}", "smoke"), "done", "", numbers)
+
+
+def having(sample: Sample, **numbers: float) -> Sample:
+    return replace(sample, numbers={**sample.numbers, **numbers})
 
 
 def turns(ratios: Sequence[float], rounds: int = 2, method: str = "funnel") -> list[Turn]:
@@ -34,7 +39,7 @@ def turns(ratios: Sequence[float], rounds: int = 2, method: str = "funnel") -> l
             (one := sample(place % seeds, method=method)).id,
             place // seeds + 1,
             one,
-            replace(one, training_cpu_seconds=2 * ratio),
+            having(one, training_cpu_seconds=2 * ratio),
         )
         for place, ratio in enumerate(ratios)
     ]
@@ -96,12 +101,12 @@ class TestQualityOfTurns:
             Turn(
                 one.id,
                 1,
-                None if base is None else replace(one, robustness_mean=base),
-                replace(one, robustness_mean=new),
+                None if base is None else having(one, robustness_mean=base),
+                having(one, robustness_mean=new),
             )
             for one in three
         ]
-        judgement, _ = judge_turns(Snapshot({one.id: replace(one, robustness_mean=reference) for one in three}), given)
+        judgement, _ = judge_turns(Snapshot({one.id: having(one, robustness_mean=reference) for one in three}), given)
         (found,) = (entry for entry in judgement.comparisons if entry.metric.name == "robustness")
         return found.verdict
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, absolute, judge, relative, speed
-from stlbench.gate.snapshot import Sample, Snapshot
+from stlbench.gate.judge import EXIT, Comparison, Judgement, judge
+from stlbench.gate.snapshot import METRICS, Sample, Snapshot, absolute, relative, speed
 from stlbench.records.identity import CellId
 from stlbench.records.result import Status
 from stlbench.registry.choices import Choice
@@ -29,9 +29,8 @@ def cell(seed: int = 0, status: Status = "done", **numbers: Any) -> Sample:
         "training_cpu_seconds": 2.0,
         "reward_nanoseconds": 20.0,
     }
-    return Sample(
-        CellId.parse(f"disc/funnel/dqn/{seed}", "smoke"), status, **((measured if status == "done" else {}) | numbers)
-    )
+    known = (measured if status == "done" else {}) | numbers
+    return Sample(CellId.parse(f"disc/funnel/dqn/{seed}", "smoke"), status, known.pop("reason", ""), known)
 
 
 def of_method(sample: Sample, method: str) -> Sample:
@@ -149,7 +148,7 @@ def test_how_cells_ended(base: Status, new: Status | None, verdict: str | None) 
 
 def test_the_worst_counts_and_nothing_is_not_fine() -> None:
     fine, other = [cell(seed) for seed in range(3)], [of_method(cell(seed), "raw") for seed in range(3)]
-    unclear = [replace(entry, satisfaction=value) for entry, value in zip(fine, (0.9, 0.1, 0.8), strict=True)]
+    unclear = [cell(seed, satisfaction=value) for seed, value in enumerate((0.9, 0.1, 0.8))]
     assert compared(fine, fine).verdict == "no worse"
     assert compared(fine, unclear).verdict == "cannot tell"
     assert compared(fine + other, unclear).verdict == "missing"
@@ -188,13 +187,14 @@ def reference(seeds: int = 5) -> list[Sample]:
 
 def elsewhere(sample: Sample, rng: np.random.Generator) -> Sample:
     """The same cell on another machine: rounding differs, so a seed is another draw, as if its number were another."""
-    assert sample.robustness_mean is not None
-    assert sample.satisfaction is not None
-    return replace(
-        sample,
-        robustness_mean=sample.robustness_mean * float(rng.normal(1, 0.4)),
-        satisfaction=float(np.clip(sample.satisfaction + rng.normal(0, 0.2), 0, 1)),
-    )
+    robustness, satisfaction = ROBUSTNESS.value(sample), SATISFACTION.value(sample)
+    assert robustness is not None
+    assert satisfaction is not None
+    drawn = {
+        "robustness_mean": robustness * float(rng.normal(1, 0.4)),
+        "satisfaction": float(np.clip(satisfaction + rng.normal(0, 0.2), 0, 1)),
+    }
+    return replace(sample, numbers={**sample.numbers, **drawn})
 
 
 def rerun(change: Callable[[Sample, np.random.Generator], Sample], number: int, seeds: int = 5) -> Judgement:

@@ -37,8 +37,9 @@ def _write_table(folder: Path, groups: Sequence[report.Group]) -> None:
 
 
 def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
+    numbers = {"robustness_mean": 0.25, "satisfaction": 0.5, "training_cpu_seconds": 10.0, "reward_nanoseconds": 21.0}
     found = sample(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)))
-    assert found == Sample(CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0)
+    assert found == Sample(CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", numbers)
 
 
 def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from stlbench.gate.judge import METRICS, Comparison, Finding, Judgement
-from stlbench.gate.snapshot import Snapshot
+from stlbench.gate.judge import Comparison, Finding, Judgement
+from stlbench.gate.snapshot import METRICS, Snapshot
 from stlbench.gate.summary import LEFT_OUT, LIMIT, comment, facts, junit, markdown, write
 from stlbench.records.identity import CellId
 

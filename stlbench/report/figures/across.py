@@ -277,7 +277,7 @@ def overview(rows: Sequence[tuple[str, Sequence[Group]]], methods: Sequence[str]
     for row, (_, groups) in enumerate(rows):
         for group in groups:
             place = methods.index(str(group.setting.method))
-            learned = sum(group.values("learned"))
+            learned = sum(group.learned)
             if group.done:
                 shares[row, place] = learned / group.tried
             text = f"{learned:g}" if group.done else _UNKNOWN

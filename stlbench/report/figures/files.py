@@ -209,7 +209,7 @@ def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale
         )
         for track in dict.fromkeys(group.setting.track for group in groups)
         for end, page in pages([group for group in groups if group.setting.track == track])
-        if any(numbers.curve for group in page for numbers in group.done)
+        if any(measured.curve for group in page for measured in group.done)
     ]
 
 

@@ -106,7 +106,10 @@ def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> 
     figure = layout.figure_of(0.5 + 2.2 * (3 - panels) + 0.15 * math.ceil((len(groups) + 3) / panels))
     left, right = figure.subplots(3 - panels, panels)
     looks = styles(groups, colours)
-    curves = [[numbers.curve for numbers in group.done if numbers.curve] for group in groups]
+    curves = [
+        [[(at.steps, at.satisfaction, at.robustness_mean) for at in each.curve] for each in group.done if each.curve]
+        for group in groups
+    ]
     trained = [(own, style) for own, style in zip(curves, looks, strict=True) if own]
     means = [(mean_curve(own, lambda point: point[2], (-math.inf, scale.most)), style) for own, style in trained]
     for own, style in trained:

@@ -153,7 +153,7 @@ def styles(groups: Sequence[Group], colours: Colours) -> list[GroupStyle]:
 
 def _standing(group: Group) -> str:
     """ "4 of 5 seeds, 1 timeout"; "intractable" if all seeds ended alike without a result."""
-    statuses = {row.status for row in group.rows if row.numbers is None}
+    statuses = {row.status for row in group.rows if row.measurement is None}
     if not group.done and len(statuses) == 1:
         return statuses.pop()
     ended = unfinished(group.rows)

@@ -145,12 +145,12 @@ def _draw_overview(task: Task, learned: Sequence[tuple[Group, Array | None]], jo
 
 def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[Plan]:
     """One plan to draw; none of one at another resolution than the recipe's."""
-    setting, numbers = member.setting, member.done[0]
+    setting, score = member.setting, member.done[0].score
     if RESOLUTION in dict(setting.agent.parameters):
         return []
     text = setting_text(Choice(setting.task.name), setting.agent)
     name = _FORMULA if maximised == "formula" else f"{setting.method}, {text}"
-    return [Plan(name, numbers.robustness_mean, numbers.satisfaction, recording.evenly(TRACES_PER_PANEL))]
+    return [Plan(name, score.mean, score.satisfaction, recording.evenly(TRACES_PER_PANEL))]
 
 
 def _draw_plans(task: Task, plans: Sequence[Plan], job: Job) -> Iterator[Path]:

@@ -183,9 +183,9 @@ def _entry(method: Choice, members: Sequence[Contest], known: Known) -> Entry:
         group = next(group for group in contest if group.setting.method == method)
         low, high = _scale(group.setting.task, known) or (0.0, 1.0)
         rows = group.rows if group.done else ()
-        values = [row.numbers.robustness_mean if row.numbers else math.nan for row in rows]
+        values = [row.measurement.score.mean if row.measurement else math.nan for row in rows]
         scores.append(tuple((value - low) / (high - low) if math.isfinite(value) else 0.0 for value in values))
-        satisfaction.append(tuple(row.numbers.satisfaction if row.numbers else 0.0 for row in rows))
+        satisfaction.append(tuple(row.measurement.score.satisfaction if row.measurement else 0.0 for row in rows))
         same = [other is group or known.likeness(group.setting, other.setting) == "=" for other in contest]
         classes.append(same.index(True))  # the place of the first method that is paid the same
         every += group.rows

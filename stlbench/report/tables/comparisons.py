@@ -75,7 +75,7 @@ def compare(groups: Sequence[Group], known: Known) -> tuple[Comparison, ...]:
             other=other.values("robustness_mean"),
             margin=None if level is None else MATTERS * abs(level),
             alike=known.likeness(one.setting, other.setting) == "=",
-            learned=(one.values("learned"), other.values("learned")),
+            learned=(one.learned, other.learned),
         )
         pairs.append(pair)
     compared = zip(couples, pairs, differences(pairs), strict=True)
@@ -158,7 +158,7 @@ def answer_table(groups: Sequence[Group], known: Known, most: int = MOST_ROWS) -
     columns: dict[Column, Callable[[Group], Value]] = {
         **CONTESTANT,
         Column("learned", kind=Share): (
-            lambda group: Share(sum(group.values("learned")), group.tried if group.done else 0, group.seeds.unfinished)
+            lambda group: Share(sum(group.learned), group.tried if group.done else 0, group.seeds.unfinished)
         ),
         Column("robustness", digits=3): lambda group: group.median("robustness_mean"),
         Column("95 % interval", digits=3, kind=Interval, drop=1): (
@@ -177,14 +177,14 @@ def _over_tasks(groups: Sequence[Group]) -> Table:
         by_method.setdefault(group.setting.method, []).append(group)
 
     def runs(own: list[Group]) -> str:
-        learned, tried = sum(sum(group.values("learned")) for group in own), sum(group.tried for group in own)
+        learned, tried = sum(sum(group.learned) for group in own), sum(group.tried for group in own)
         return f"{learned} of {tried}, {100 * learned / tried:.0f} %" if tried else "none"
 
     columns: dict[Column, Callable[[list[Group]], Value]] = {
         Column("method", right=False): lambda own: str(own[0].setting.method),
         Column("tasks"): lambda own: len({group.setting.task for group in own if group.done}),
         Column("learned in all seeds"): lambda own: sum(
-            bool(group.done) and all(group.values("learned")) and group.tried == len(group.done) for group in own
+            bool(group.done) and all(group.learned) and group.tried == len(group.done) for group in own
         ),
         Column("runs that learned"): runs,
         Column("CPU", unit="s", digits=1): lambda own: mean([each.cpu_seconds for group in own for each in group.done]),

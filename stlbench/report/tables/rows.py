@@ -5,58 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Literal, TypeVar
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import OUTSIDE, CellId, Setting
-from stlbench.records.result import LEARNED, MAIN, NOT_RUN, RANDOM, Measurement, Planned, Result, Status, reported
-from stlbench.records.rows import numbers
+from stlbench.records.result import NOT_RUN, SCHEMA, Measurement, Result, Status
 from stlbench.registry import plugins
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 from stlbench.statistics.intervals import mean, median
 
 _T = TypeVar("_T")
-CurveRow = tuple[int, float, float]
-"""One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts for selection."""
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """The data of one finished cell that the report needs. Satisfaction in [0, 1], times in seconds."""
-
-    satisfaction: float
-    robustness_mean: float
-    robustness_min: float
-    final_satisfaction: float
-    final_robustness_mean: float
-    selected_steps: int
-    training_cpu_seconds: float
-    training_wall_seconds: float
-    cpu_seconds: float
-    wall_seconds: float
-    env_steps: int
-    reward_nanoseconds: float
-    inputs_added: int
-    starts: int | None = None  # the number of starts behind robustness and satisfaction; None if it was not recorded
-    ended_early: float | None = None
-    """Share of these starts, in [0, 1], whose episode ended before the formula's horizon; None if not recorded."""
-    extension: str = ""  # why the task is outside the form that the method's source was published for; empty inside it
-    planned: Planned | None = None
-    further: Mapping[str, float] = field(default_factory=dict)
-    """Further protocol -> mean robustness of the selected policy."""
-    first_failed: Mapping[str, int] = field(default_factory=dict)
-    """Conjunct -> starts that failed it first, selected policy."""
-    curve: tuple[CurveRow, ...] = ()
-
-    @property
-    def learned(self) -> bool:
-        return self.satisfaction >= LEARNED
-
-    @property
-    def final_learned(self) -> bool:
-        return self.final_satisfaction >= LEARNED
 
 
 @dataclass(frozen=True)
@@ -67,7 +27,7 @@ class Row:
     status: Status | Literal["not run"]
     reason: str
     provenance: Mapping[str, str]  # how the result came about (`provenance.collect`)
-    numbers: Numbers | None
+    measurement: Measurement | None
 
 
 @dataclass(frozen=True)
@@ -83,13 +43,22 @@ class Group:
         return self.setting.track == OUTSIDE
 
     @cached_property
-    def done(self) -> tuple[Numbers, ...]:
-        """The numbers of the finished cells; every aggregate is over these."""
-        return tuple(row.numbers for row in self.rows if row.numbers is not None)
+    def done(self) -> tuple[Measurement, ...]:
+        """The measurements of the finished cells; every aggregate is over these."""
+        return tuple(row.measurement for row in self.rows if row.measurement is not None)
 
     def values(self, name: str) -> tuple[Any, ...]:
-        """One of `Numbers`, of each finished cell."""
-        return tuple(getattr(numbers, name) for numbers in self.done)
+        """One column of `SCHEMA`, of each finished cell."""
+        return tuple(map(SCHEMA[name].of, self.done))
+
+    @property
+    def learned(self) -> tuple[bool, ...]:
+        """Whether the selected policy of each finished cell learned the task."""
+        return tuple(measured.score.learned for measured in self.done)
+
+    @property
+    def final_learned(self) -> tuple[bool, ...]:
+        return tuple(measured.final_score.learned for measured in self.done)
 
     def mean(self, name: str) -> float | None:
         return mean(self.values(name))
@@ -106,7 +75,7 @@ class Group:
     @property
     def extension(self) -> str:
         """Why the task is outside the form of the method's source, as far as any cell says."""
-        return next((numbers.extension for numbers in self.done if numbers.extension), "")
+        return next(filter(None, self.values("extension")), "")
 
     @property
     def seeds(self) -> Seeds:
@@ -121,7 +90,7 @@ class Group:
     @cached_property
     def first_failed(self) -> FirstFailed | None:
         """The conjunct that failed first most often, over the starts of all seeds; None if none failed."""
-        counts = sum((Counter(numbers.first_failed) for numbers in self.done), Counter[str]())
+        counts = sum((Counter(measured.score.first_failed) for measured in self.done), Counter[str]())
         if not counts:
             return None
         formula = min(counts, key=lambda text: (-counts[text], text))
@@ -142,9 +111,9 @@ def row(result: Result) -> Row:
     return Row(
         id=result.id,
         status=result.status,
-        reason=" ".join(result.reason.split()),
+        reason=result.reason,
         provenance=_shared(tuple(result.provenance.items())),
-        numbers=None if result.measurement is None else _numbers(result.measurement),
+        measurement=result.measurement and result.measurement.summarised(),
     )
 
 
@@ -152,18 +121,6 @@ def row(result: Result) -> Row:
 def _shared(items: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
     """The items as a mapping, one object for all cells of a run."""
     return dict(items)
-
-
-def _numbers(measurement: Measurement) -> Numbers:
-    columns, selected = numbers(measurement), measurement.selected
-    known = {each.name: columns[each.name] for each in fields(Numbers) if each.name in columns}
-    return Numbers(
-        **known,
-        planned=measurement.planned,
-        further={name: score.mean for name, score in selected.items() if name not in (MAIN, RANDOM)},
-        first_failed=dict(reported(selected).first_failed),
-        curve=tuple((point.steps, point.satisfaction, point.robustness_mean) for point in measurement.curve),
-    )
 
 
 def group(rows: Iterable[Row]) -> tuple[Group, ...]:
@@ -186,7 +143,7 @@ def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
     """Agent that plans -> what it maximises, by its cells, or else by the installed agent."""
     known, groups = dict[str, Maximised | None](), trained(groups)
     for group in groups:
-        plans = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
+        plans = next(filter(None, group.values("maximised")), None)
         if group.done:
             known[group.setting.agent.name] = plans
     for name in {group.setting.agent.name for group in groups} - known.keys():

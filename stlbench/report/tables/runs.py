@@ -5,21 +5,22 @@ one cell, and what training took on which machine.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields
 from functools import partial
-from operator import attrgetter
+from typing import TypeVar
 
 from stlbench.records.identity import IDENTITY
-from stlbench.records.result import ACCIDENTS, LEARNED, Measurement, Score
+from stlbench.records.result import ACCIDENTS, LEARNED, MAIN, RANDOM, SCHEMA, Datum, Measurement, Score
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
-from stlbench.report.tables.rows import SETTING, Group, Numbers, Row, shared_columns
+from stlbench.report.tables.rows import SETTING, Group, Row, shared_columns
 from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
 from stlbench.report.tables.yardsticks import Known
 from stlbench.statistics.intervals import FEWEST, Interval, mean, mean_interval, median, median_interval, share_interval
 
-_APART = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
-"""The values without a column, or with one of the last."""
+_T = TypeVar("_T")
+_EARLY = Column("ended early", unit="%", digits=1)
+_FIRST = ("satisfaction", "robustness_mean", "robustness_min", "final_satisfaction")
+"""The columns that stand before the others of `SCHEMA` in cells.csv."""
 
 
 CELL: Mapping[Column, Callable[[Row], Value]] = {
@@ -42,31 +43,32 @@ def cells_table(rows: Iterable[Row], groups: Mapping[str, Mapping[str, str]] | N
     """
     listed, of_tasks = list(rows), groups or {}
     kinds = dict.fromkeys(kind for row in listed for kind in of_tasks.get(row.id.task.name, ()))
-    of_numbers: dict[Column, Callable[[Numbers], Value]] = {
-        **{Column(each.name): attrgetter(each.name) for each in fields(Numbers) if each.name not in _APART},
-        Column("starts"): lambda each: each.starts,
-        Column("satisfaction 95 % interval", kind=Interval): lambda each: _of_starts(each.satisfaction, each),
-        Column("final_satisfaction 95 % interval", kind=Interval): (
-            lambda each: _of_starts(each.final_satisfaction, each)
-        ),
-        Column("extension"): lambda each: each.extension or None,
-        Column("ended_early"): lambda each: each.ended_early,
-    }
-    if any(row.numbers and row.numbers.planned for row in listed):
-        of_numbers[Column("maximised")] = lambda each: each.planned.maximised if each.planned else None
-        of_numbers[Column("grid_value")] = lambda each: each.planned.value if each.planned else None
+    done = [row.measurement for row in listed if row.measurement]
+    measured = dict[Column, Callable[[Measurement], Value]]()
+    for name in dict.fromkeys((*_FIRST, *SCHEMA)):
+        part = SCHEMA[name].path.partition(".")[0]
+        if getattr(Measurement, part, "") is not None or any(getattr(each, part) is not None for each in done):
+            measured[Column(name)] = partial(_shown, SCHEMA[name])
+        if name == "starts":
+            measured |= _INTERVALS
     of_cell = {column: value for column, value in CELL.items() if column.title in ("status", "reason")}
     drawn = {
         Column(kind, right=False): lambda row, kind=kind: of_tasks.get(row.id.task.name, {}).get(kind) for kind in kinds
     }
-    return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **if_done(of_numbers)})
+    return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **if_done(measured)})
 
 
-def if_done(columns: Mapping[Column, Callable[[Numbers], Value]]) -> dict[Column, Callable[[Row], Value]]:
-    """Columns of cells; a cell without numbers has None."""
+def _shown(datum: Datum, measured: Measurement) -> Value:
+    """An empty text is no value."""
+    value: Value = datum.of(measured)
+    return None if value == "" else value
 
-    def of_row(value: Callable[[Numbers], Value]) -> Callable[[Row], Value]:
-        return lambda row: None if row.numbers is None else value(row.numbers)
+
+def if_done(columns: Mapping[Column, Callable[[Measurement], Value]]) -> dict[Column, Callable[[Row], Value]]:
+    """Columns of cells; a cell without a measurement has None."""
+
+    def of_row(value: Callable[[Measurement], Value]) -> Callable[[Row], Value]:
+        return lambda row: None if row.measurement is None else value(row.measurement)
 
     return {column: of_row(value) for column, value in columns.items()}
 
@@ -75,9 +77,15 @@ def percent(share: float | None) -> float | None:
     return None if share is None else 100 * share
 
 
-def _of_starts(share: float, numbers: Numbers) -> Interval | None:
-    """The exact interval of a share of the starts, for this one policy."""
-    return share_interval(round(share * numbers.starts), numbers.starts) if numbers.starts else None
+def _of_starts(score: Score) -> Interval | None:
+    """The exact interval of the share of the starts that satisfy, for this one policy."""
+    return share_interval(round(score.satisfaction * score.starts), score.starts)
+
+
+_INTERVALS: Mapping[Column, Callable[[Measurement], Value]] = {
+    Column("satisfaction 95 % interval", kind=Interval): lambda each: _of_starts(each.score),
+    Column("final_satisfaction 95 % interval", kind=Interval): lambda each: _of_starts(each.final_score),
+}
 
 
 def unfinished_table(groups: Iterable[Group]) -> Table:
@@ -93,26 +101,36 @@ ENDED_EARLY = (
 """The note on the column of that name."""
 
 
+def score_columns(
+    of: Callable[[_T], Score], rows: Sequence[_T]
+) -> tuple[dict[Column, Callable[[_T], Value]], tuple[str, ...]]:
+    """The columns of each row's score, and notes on them: one says what an early end is, where there was any."""
+    columns: dict[Column, Callable[[_T], Value]] = {
+        Column("mean robustness", "mean", digits=3): lambda row: of(row).mean,
+        Column("worst start", digits=3): lambda row: of(row).minimum,
+        Column("satisfied", unit="%", digits=1): lambda row: 100 * of(row).satisfaction,
+    }
+    if not any(of(row).ended_early for row in rows):
+        return columns, ()
+    columns[_EARLY] = lambda row: percent(of(row).ended_early)
+    return columns, (ENDED_EARLY,)
+
+
 def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
     """One row for each protocol and policy, from name -> protocol -> score. A single policy may have an empty name."""
-    early = any(score.ended_early for scores in policies.values() for score in scores.values())
+    protocols = next(iter(policies.values()))
+    rows = [(protocol, name, scores[protocol]) for protocol in protocols for name, scores in policies.items()]
+    scores, notes = score_columns(lambda row: row[2], rows)
     columns: dict[Column, Callable[[tuple[str, str, Score]], Value]] = {
         Column("protocol", right=False): lambda row: row[0],
-        Column("policy", right=False): lambda row: row[1],
-        Column("mean robustness", "mean", digits=3): lambda row: row[2].mean,
-        Column("worst start", digits=3): lambda row: row[2].minimum,
-        Column("satisfied", unit="%", digits=1): lambda row: 100 * row[2].satisfaction,
-        Column("ended early", unit="%", digits=1): lambda row: percent(row[2].ended_early),
+        **({Column("policy", right=False): lambda row: row[1]} if any(policies) else {}),
+        **scores,
         Column("starts", digits=0): lambda row: row[2].starts,
         Column("failed first", right=False): (
             lambda row: "\n".join(f"{formula}: {count}" for formula, count in row[2].first_failed.items()) or None
         ),
     }
-    shown = {"policy": any(policies), "ended early": early}
-    columns = {column: value for column, value in columns.items() if shown.get(column.title, True)}
-    protocols = next(iter(policies.values()))
-    rows = [(protocol, name, scores[protocol]) for protocol in protocols for name, scores in policies.items()]
-    return Table.of("Scores", rows, columns, (ENDED_EARLY,) if early else ())
+    return Table.of("Scores", rows, columns, notes)
 
 
 def scores_and_cost(measurement: Measurement, *, outside: bool) -> list[Table]:
@@ -163,7 +181,7 @@ def _interval_of(name: str) -> Callable[[Group], Value]:
 
 
 def _jobs(group: Group) -> str | None:
-    jobs = {row.provenance.get("jobs", "") for row in group.rows if row.numbers}
+    jobs = {row.provenance.get("jobs", "") for row in group.rows if row.measurement}
     return ", ".join(sorted(jobs - {""})) or None
 
 
@@ -182,14 +200,14 @@ def circumstances(groups: Sequence[Group]) -> Table:
     texts = {name: "; ".join(sorted(several)) for name, several in values.items()}
     parts = (part.partition(" ") for row in rows for part in row.provenance.get("code", "").split(", "))
     days = sorted({time.partition("T")[0] for time in values.get("time", ())})
-    seconds = sum(row.numbers.cpu_seconds for row in rows if row.numbers)
+    seconds = sum(row.measurement.cpu_seconds for row in rows if row.measurement)
     lines = {
         "machine": texts.get("machine", ""),
         "versions": ", ".join(f"{name} {texts[name]}" for name in sorted(texts.keys() - _NO_VERSIONS)),
         "code of stlbench": "; ".join(sorted({version for part, _, version in parts if part == "harness"})),
         "cells at a time": texts.get("jobs", ""),
         "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
-        "cells": f"{len(rows)}, {sum(row.numbers is not None for row in rows)} of them with a result",
+        "cells": f"{len(rows)}, {sum(row.measurement is not None for row in rows)} of them with a result",
         "CPU time": f"{_time(seconds)}, training and evaluation",
     }
     columns = (Column("what", right=False), Column("value", right=False))
@@ -216,7 +234,7 @@ def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) 
     for method in sorted({group.setting.method for group in groups}):
         columns[Column(str(method), digits=3, kind=Learned)] = partial(_learned_by, method, known)
     columns[Column("cell CPU", unit="s", digits=0, drop=1)] = lambda contest: mean(
-        [numbers.cpu_seconds for group in contest for numbers in group.done]
+        [value for group in contest for value in group.values("cpu_seconds")]
     )
     note = (
         "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
@@ -236,7 +254,7 @@ def _learned_by(method: Choice, known: Known, contest: Contest) -> Value:
         return ", ".join(sorted({row.status for row in group.rows}))
     values = group.values("robustness_mean")
     low, high = median_interval(values) or (None, None)
-    learned, final = sum(group.values("learned")), sum(group.values("final_learned"))
+    learned, final = sum(group.learned), sum(group.final_learned)
     return Learned(median(values), low, high, learned, final, group.tried, mark(group, contest, known))
 
 
@@ -251,9 +269,9 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
     marks = {group.setting: MARK for group in outside}
     marks |= {group.setting: mark(group, contest, known) for contest in contests(groups).values() for group in contest}
     rows = sorted([*groups, *outside], key=lambda group: (group.setting.task, group.outside))
-    done = [numbers for group in rows for numbers in group.done]
-    further = sorted({name for numbers in done for name in numbers.further})
-    early = any(numbers.ended_early for numbers in done)
+    done = [measured for group in rows for measured in group.done]
+    further = sorted({name for measured in done for name in measured.selected} - {MAIN, RANDOM})
+    early = any(measured.score.ended_early for measured in done)
     columns: dict[Column, Callable[[Group], Value]] = {
         **SETTING,
         Column("mark", right=False): lambda group: marks[group.setting] or None,
@@ -265,17 +283,17 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
         ),
         Column("worst start", digits=3, drop=5): lambda group: min(group.values("robustness_min"), default=None),
         Column("satisfied", unit="%", digits=1): lambda group: _percent(group.values("satisfaction")),
-        Column("ended early", unit="%", digits=1): lambda group: _percent(group.values("ended_early")),
-        Column("learned"): lambda group: _count(group, "learned"),
+        _EARLY: lambda group: _percent(group.values("ended_early")),
+        Column("learned"): lambda group: _count(group, group.learned),
         Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4): (
-            lambda group: _percent_interval(group, "learned")
+            lambda group: _percent_interval(group, group.learned)
         ),
         Column("share of best known (median, both above 0)", "of best", digits=2, drop=2): (
             lambda group: known.share(group.setting.task, group.median("robustness_mean"))
         ),
         **{
             Column(name, digits=3, drop=4): lambda group, name=name: mean(  # type: ignore[misc]
-                [numbers.further[name] for numbers in group.done if name in numbers.further]
+                [measured.selected[name].mean for measured in group.done if name in measured.selected]
             )
             for name in further
         },
@@ -299,9 +317,9 @@ _FINAL: dict[Column, Callable[[Group], Value]] = {
     Column("final satisfied", "final sat.", unit="%", digits=1, drop=6): (
         lambda group: _percent(group.values("final_satisfaction"))
     ),
-    Column("final learned", drop=6): lambda group: _count(group, "final_learned"),
+    Column("final learned", drop=6): lambda group: _count(group, group.final_learned),
     Column("final learned 95 % interval", unit="%", digits=0, kind=Interval, drop=7): (
-        lambda group: _percent_interval(group, "final_learned")
+        lambda group: _percent_interval(group, group.final_learned)
     ),
 }
 """The scores of the policy at the end of training."""
@@ -314,7 +332,7 @@ def _unless_outside(value: Callable[[Group], Value], group: Group) -> Value:
 
 def _starts(group: Group) -> Value:
     """The number of starts behind each number; if seeds differ, all these numbers."""
-    counts = sorted({numbers.starts for numbers in group.done if numbers.starts is not None})
+    counts = sorted(set(group.values("starts")))
     return counts[0] if len(counts) == 1 else ", ".join(map(str, counts)) or None
 
 
@@ -322,13 +340,13 @@ def _percent(shares: Sequence[float | None]) -> float | None:
     return percent(mean([share for share in shares if share is not None]))
 
 
-def _count(group: Group, name: str) -> int | None:
-    return sum(group.values(name)) if group.done else None
+def _count(group: Group, learned: Sequence[bool]) -> int | None:
+    return sum(learned) if group.done else None
 
 
-def _percent_interval(group: Group, name: str) -> Interval | None:
+def _percent_interval(group: Group, learned: Sequence[bool]) -> Interval | None:
     """The exact interval of the share of seeds, of all that ran, in percent."""
-    ends = share_interval(sum(group.values(name)), group.tried) if group.done else None
+    ends = share_interval(sum(learned), group.tried) if group.done else None
     return ends and Interval(100 * ends.low, 100 * ends.high)
 
 

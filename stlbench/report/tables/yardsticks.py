@@ -242,7 +242,7 @@ def _row(method: str, several: Sequence[Group], learned: Sequence[Group], known:
     plan = next((group for group in several if group.done), several[0])
     setting, possible = plan.setting, known.best.get(plan.setting.task)
     values = [value for group in several if (value := group.mean("robustness_mean")) is not None]
-    expected = [numbers.planned.value for numbers in plan.done if numbers.planned]
+    expected = [value for value in plan.values("grid_value") if value is not None and not math.isnan(value)]
     taught = None if method == FORMULA else _learned(plan, learned, known)
     disagreement = max(values) - min(values) if len(values) > 1 else None
     remarks = [group.remarks or ("" if group.done else NOT_RUN) for group in several]
@@ -255,7 +255,7 @@ def _row(method: str, several: Sequence[Group], learned: Sequence[Group], known:
         best_known=possible,
         reward_optimal=None if method == FORMULA else plan.mean("robustness_mean"),
         satisfied=plan.mean("satisfaction"),
-        grid_value=mean([value for value in expected if not math.isnan(value)]),
+        grid_value=mean(expected),
         selected=taught.mean("robustness_mean") if taught else None,
         final=taught.mean("final_robustness_mean") if taught else None,
         seeds=len(taught.done) if taught else None,
