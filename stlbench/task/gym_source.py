@@ -78,8 +78,8 @@ class GymSource:
             raise outside_space(str(error)) from error
         if self.function is not None:
             return flat, np.stack([numbers(self.function(*sample), len(self.signals)) for sample in samples])
-        named = flat
-        if self.entries.keys is not None:  # names stand for a part of the observation
+        named = flat if self.entries.names else flat[:, :0]
+        if self.entries.keys:  # names stand for a part of the observation
             named = np.concatenate([self.entries.read(observation, 1) for observation, _ in samples])
         return flat, self.expressions.values(named, [info for _, info in samples])
 

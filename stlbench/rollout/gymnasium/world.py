@@ -11,6 +11,7 @@ import numpy as np
 from stlbench.contract import Array, GymTask, Integers, World
 from stlbench.contract.presentation import Pixels
 from stlbench.errors import UsageError
+from stlbench.rollout.gymnasium.robots import is_robot, robot_step
 from stlbench.task.gym_make import begun, stepped
 from stlbench.task.gym_source import GymSource
 from stlbench.task.gym_spaces import as_action
@@ -27,6 +28,8 @@ class GymWorld(World):
         self._last: list[tuple[Any, Mapping[str, Any]]] = [(None, {})] * count
         self.signals = np.zeros((count, len(source.signals)))
         self.ended, self.lived = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
+        self._robots = source.function is None and type(task).controller is GymTask.controller
+        self._robots = self._robots and all(map(is_robot, self._copies))
 
     def restart(self, rows: Integers, starts: Array) -> None:
         for row, seed in zip(rows.tolist(), starts[:, 0].tolist(), strict=True):
@@ -42,7 +45,7 @@ class GymWorld(World):
         for i in range(1, steps + 1):
             rows = np.flatnonzero(~self.ended)
             for row in rows.tolist():
-                self.ended[row] = self._stepped(row, taken[row])
+                self._step(row, taken[row])
             self.lived[rows] += 1
             samples[i] = samples[i - 1]
             if len(rows):
@@ -73,10 +76,14 @@ class GymWorld(World):
             raise UsageError(f"the environment changed its action space, from {space} to {copy.action_space}")
         return sample
 
-    def _stepped(self, row: int, action: Any) -> bool:
-        observation, _, terminated, truncated, info = stepped(self._copies[row], action)
+    def _step(self, row: int, action: Any) -> None:
+        copy = self._copies[row]
+        if self._robots:
+            observation, self.ended[row], info = robot_step(copy, action)
+        else:
+            observation, _, terminated, truncated, info = stepped(copy, action)
+            self.ended[row] = bool(terminated or truncated)
         self._last[row] = observation, info
-        return bool(terminated or truncated)
 
     def _read(self, rows: Integers) -> Array:
         """The signals (r, k) of the newest observations of these rows, which `features` reads too."""
