@@ -39,6 +39,13 @@ PLACES = {
     # it needs the left hill to reach the right one
     "MountainCar-v0": (("position <= -0.8", "position >= 0.3"), []),
 }
+OWN_FORMS = {
+    # the low level holds at the start from a quarter of the starts
+    "nested_environments:OwnTanks-v0": {"until": "(!{A}) U[50,100] {B}"},
+    # to swing to both sides and back takes more than 95 steps from a fifth of the starts
+    "MountainCar-v0": {"patrol": "G[0,60] (F[0,130] {A} & F[0,130] {B})"},
+}
+"""Where the form above is impossible."""
 TIMES = {"a": 80, "b": 110, "c": 160}
 OWN_TIMES = {
     "Pendulum-v1": {"b": 95},  # its episodes have 200 steps, as those of MountainCar
@@ -51,7 +58,7 @@ def problems() -> dict[str, tuple[str, list[str]]]:
     """Name -> the environment, and the rest of the command."""
     found = dict[str, tuple[str, list[str]]]()
     for environment, ((first, second), options) in PLACES.items():
-        for form, text in FORMS.items():
+        for form, text in (FORMS | OWN_FORMS.get(environment, {})).items():
             times = TIMES | OWN_TIMES.get(environment, {})
             formula = text.format(A=f"({first})", B=f"({second})", **times)
             found[f"{environment.rpartition(':')[2]} {form}"] = environment, [formula, *options]
