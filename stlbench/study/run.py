@@ -27,6 +27,7 @@ from stlbench.study.logs import Callback, Logged, Progress, Silent, build_logs, 
 from stlbench.study.plan import check_cells, examples, uncompiled, warm
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
+from stlbench.study.scheduler import build_executor
 from stlbench.study.study import Study
 
 Until = Callable[[Result], bool]
