@@ -10,7 +10,7 @@ from recorded import Row, markdown
 
 from stlbench_tasks.suite.templates import TEMPLATES
 
-METHODS = ("raw", "funnel")
+METHODS = ("raw", "funnel", "cfer", "flag")
 ENOUGH = 0.95
 """A task is learned if the policy satisfies it from this share of the random starts, in both seeds."""
 
@@ -26,24 +26,27 @@ def learned(rows: Iterable[Row]) -> dict[str, set[str]]:
 
 
 def table() -> str:
-    """One row per template: the tasks that `raw`, `funnel`, or one of them learned with schedules.
+    """One row per template: the tasks that each method, and any of them, learned with schedules.
 
-    Beside it what one of them learned without a schedule, and with the longer budget too.
+    Beside it what `raw` or `funnel` learned without a schedule, and with the longer budget too.
     """
     now = recorded.table("suite-schedules", "cells")
     selected = learned(now)
-    before = _either(learned(row for row in recorded.table("suite-core", "cells") if row["method"] in METHODS))
-    longer = _either(selected) | _either(learned(recorded.table("suite-schedules-long", "cells")))
-    columns = (before, selected["raw"], selected["funnel"], _either(selected), longer)
+    before, more = (
+        _any(learned(row for row in recorded.table(study, "cells") if row["method"] in METHODS[:2]))
+        for study in ("suite-core", "suite-schedules-long")
+    )
+    longer = selected["raw"] | selected["funnel"] | more
+    columns = (before, *selected.values(), _any(selected), longer)
     body = []
     for template in (*TEMPLATES, "all"):
         own = {row["task"] for row in now if template in (row["template"], "all")}
         counts = [str(len(each & own)) for each in (own, *columns)]
         text = ["all", ""] if template == "all" else [f"`{template}`", f"`{form(template)}`".replace("|", "\\|")]
         body.append([*text, *counts])
-    header = ["template", "formula", "tasks", "without", "`raw`", "`funnel`", "either", "longer"]
+    header = ["template", "formula", "tasks", "without", *(f"`{name}`" for name in METHODS), "any", "longer"]
     return markdown(header, body, right=len(header) - 1)
 
 
-def _either(found: Mapping[str, set[str]]) -> set[str]:
+def _any(found: Mapping[str, set[str]]) -> set[str]:
     return set[str]().union(*found.values())
