@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stlbench.rollout.gymnasium.wrap import wrap
+    from stlbench.simulation.gymnasium.wrap import wrap
     from stlbench.solver.run import solve
     from stlbench.solver.solution import Solution
     from stlbench.study.results import Results
@@ -21,7 +21,7 @@ _HOMES = {
     "Solution": "stlbench.solver.solution",
     "run_study": "stlbench.study.run",
     "solve": "stlbench.solver.run",
-    "wrap": "stlbench.rollout.gymnasium.wrap",
+    "wrap": "stlbench.simulation.gymnasium.wrap",
 }
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 import gymnasium
 
 from stlbench.registry import plugins
-from stlbench.rollout.gymnasium.env import StlEnv, StlVectorEnv
+from stlbench.simulation.gymnasium.env import StlEnv, StlVectorEnv
 
 __all__ = ["StlEnv", "StlVectorEnv", "register_all"]
 

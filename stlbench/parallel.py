@@ -8,6 +8,6 @@ observation, that of `stlbench.gym`, and are paid the same reward: the method is
 signals. A robot's actions are indices into the grid of its own axes, or vectors where actions are continuous.
 """
 
-from stlbench.rollout.gymnasium.parallel import StlParallelEnv, parallel_env
+from stlbench.simulation.gymnasium.parallel import StlParallelEnv, parallel_env
 
 __all__ = ["StlParallelEnv", "parallel_env"]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from stlbench.records.result import Score
 from stlbench.registry import plugins
-from stlbench.rollout import baselines
+from stlbench.simulation import baselines
 from stlbench.task import load_task
 
 FOLDER = Path(__file__).resolve().parent.parent / "tasks" / "stlbench_tasks"

@@ -30,10 +30,10 @@ from stlbench.contract import (
     StatePolicy,
     Training,
 )
-from stlbench.rollout import baselines
-from stlbench.rollout.baselines import Unpaid
-from stlbench.rollout.environment import Simulator, model_of
-from stlbench.rollout.verdicts import judge, without_end
+from stlbench.simulation import baselines
+from stlbench.simulation.baselines import Unpaid
+from stlbench.simulation.environment import Simulator, model_of
+from stlbench.simulation.verdicts import judge, without_end
 from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
 from stlbench.task import Task, build_agent, load_task

@@ -21,9 +21,9 @@ from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.records.array_files import Film
 from stlbench.records.result import reported
 from stlbench.registry import plugins
-from stlbench.rollout.baselines import Unpaid, nearest
-from stlbench.rollout.environment import Simulator
-from stlbench.rollout.referee import Recording, score, simulate
+from stlbench.simulation.baselines import Unpaid, nearest
+from stlbench.simulation.environment import Simulator
+from stlbench.simulation.referee import Recording, score, simulate
 from stlbench.study import film
 from stlbench.study.film import FRAMES_A_SECOND
 from stlbench.study.policies import load_policy

@@ -9,10 +9,10 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod
 from stlbench.records.result import Score
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.baselines import Unpaid, nearest
-from stlbench.rollout.environment import Simulator
-from stlbench.rollout.verdicts import judge
+from stlbench.simulation import baselines, referee
+from stlbench.simulation.baselines import Unpaid, nearest
+from stlbench.simulation.environment import Simulator
+from stlbench.simulation.verdicts import judge
 from stlbench.task import Task
 
 _TRIES = 16

@@ -10,7 +10,7 @@ from recorded import markdown
 from scipy.stats import spearmanr
 
 from stlbench.contract import Array
-from stlbench.rollout.auto import automatic
+from stlbench.simulation.auto import automatic
 from stlbench.task import Task, load_task
 from stlbench.task.starts import sampled_states
 from stlbench_methods.funnel import Funnel

@@ -25,9 +25,9 @@ from suite import load
 
 from stlbench.contract import Array, Integers, Policy, Training, Transition
 from stlbench.records.result import MAIN
-from stlbench.rollout.auto import automatic
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.auto import automatic
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.task import agent_for
 from stlbench_tasks.suite.formulas import Candidate

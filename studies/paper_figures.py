@@ -20,7 +20,7 @@ from stlbench.records.result import Result
 from stlbench.report.figures.files import save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.trajectories import trajectories
-from stlbench.rollout.referee import Recording, gather, load
+from stlbench.simulation.referee import Recording, gather, load
 from stlbench.study.policies import Start, replay
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task

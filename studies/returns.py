@@ -21,7 +21,7 @@ from stlbench.records import stored
 from stlbench.records.array_files import read_cell
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.rollout.environment import ends_of, first_end
+from stlbench.simulation.environment import ends_of, first_end
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 from stlbench_agents.planning.sums import forever

@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from stlbench.report.figures.style import COLOURS
-from stlbench.rollout.auto import alternatives
+from stlbench.simulation.auto import alternatives
 from stlbench.task import load_task
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "schedule.svg"

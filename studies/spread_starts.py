@@ -18,7 +18,7 @@ from recorded import markdown
 
 from stlbench import stl
 from stlbench.records import stored
-from stlbench.rollout.referee import record, score
+from stlbench.simulation.referee import record, score
 from stlbench.stl import Eventually, fragment
 from stlbench.stl.language.structure import walk
 from stlbench.study.policies import load_policy

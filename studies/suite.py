@@ -44,7 +44,7 @@ from suite_linear import optimum
 import stlbench_tasks.suite
 from stlbench.contract import ActionGrid, Array
 from stlbench.registry.choices import Choice
-from stlbench.rollout import baselines
+from stlbench.simulation import baselines
 from stlbench.task import Task
 from stlbench.task.reading import read_task_file
 from stlbench_tasks.suite.formulas import Candidate, fits, level

@@ -10,7 +10,7 @@ from held import actions_of, robustness_of, search, taken
 from scipy import linalg
 
 from stlbench.contract import ActionGrid, Array
-from stlbench.rollout.environment import Simulator
+from stlbench.simulation.environment import Simulator
 from stlbench.task import Task
 from stlbench_tasks.differential_drive import Steering
 from stlbench_tasks.suite.systems import Arm, CartPendulum, DoubleIntegrator, Quadrotor, SuiteSystem, Unicycle

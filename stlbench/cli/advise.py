@@ -22,11 +22,11 @@ from stlbench.records import stored
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import parse_choices
 from stlbench.report import Column, Table, Value, condense, evidence
-from stlbench.rollout.auto import alternatives
-from stlbench.rollout.haste import too_fast
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, schedules
+from stlbench.simulation.auto import alternatives
+from stlbench.simulation.haste import too_fast
 from stlbench.statistics import across
 from stlbench.statistics.intervals import Interval
 from stlbench.stl.language.structure import unbounded, walk

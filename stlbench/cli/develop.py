@@ -22,7 +22,7 @@ from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import executor_of
 from stlbench.registry.exits import interrupts_raise
 from stlbench.registry.plugins import Plugin
-from stlbench.rollout.faults import PluginFault
+from stlbench.simulation.faults import PluginFault
 from stlbench.study.study import json_schema
 from stlbench.task.gym_sketch import sketch
 from stlbench.testing import RuleBroken, Rules

@@ -12,8 +12,8 @@ from stlbench.cli.common import warn
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records.array_files import SavedTraces, read_saved
-from stlbench.rollout.trace_table import TraceTable, read_table, times_of
-from stlbench.rollout.verdicts import last_steps
+from stlbench.simulation.trace_table import TraceTable, read_table, times_of
+from stlbench.simulation.verdicts import last_steps
 from stlbench.stl.language.parser import listed
 
 ShortTraces = Literal["strict", "clip"]

@@ -24,9 +24,9 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
 from stlbench.report import Group, Report, Width, condense, to_records, write
 from stlbench.report.page import require, write_page
-from stlbench.rollout.faults import Question, plugins_of
-from stlbench.rollout.standards import Standard, standards
 from stlbench.share.rescored import bundles_table, read_bundles
+from stlbench.simulation.faults import Question, plugins_of
+from stlbench.simulation.references import References, references
 from stlbench.study.plugin_guard import ask, ask_one, load_guarded
 from stlbench.study.policies import Start, parse_start
 from stlbench.study.results import Results
@@ -90,7 +90,7 @@ def report(
     if not html and not as_json:
         show_report(groups, folder, explain, width)
         return
-    content = Report(groups, standards_of(groups))
+    content = Report(groups, references_of(groups))
     if html:
         with stored.one_by_one(folder) as find:
             _write_page(content, find, folder if folder.is_dir() else folder.parent, out, as_json)
@@ -104,7 +104,7 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
     bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
     results = {result.id: result for bundle in bundles for result in bundle.results}
     groups = condense(results.values())
-    content = Report(groups, standards_of(groups), first=(bundles_table(bundles),))
+    content = Report(groups, references_of(groups), first=(bundles_table(bundles),))
     if page is not None:
         _write_page(content, results.get, paths[0], page, as_json)
     elif as_json:
@@ -127,8 +127,8 @@ def show_report(
 
     All tables with their notes are printed if the user asks to `explain`.
     """
-    content = Report(groups, standards_of(groups))
-    part = content if shown is None or list(shown) == list(groups) else Report(shown, content.standards, groups)
+    content = Report(groups, references_of(groups))
+    part = content if shown is None or list(shown) == list(groups) else Report(shown, content.references, groups)
     is_written = _write(content, folder, width)
     say(part.summary if explain else part.answer, explain=explain)
     _warn_of_early_ends(part.groups)
@@ -186,7 +186,7 @@ def _write_page(report: Report, find: stored.Find, folder: Path, out: Path | Non
         typer.echo(f"{path}: {size / 1e6:.1f} MB, {sum(group.tried for group in report.groups)} cells")
 
 
-def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
+def references_of(groups: Sequence[Group]) -> dict[str, References]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
     from rich.console import Console
 
@@ -198,7 +198,7 @@ def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
         )
     progress = Console(stderr=True, highlight=False)
     with progress.status("controllers of the tasks") if progress.is_terminal else nullcontext():
-        return standards((group.setting for group in groups), ask)
+        return references((group.setting for group in groups), ask)
 
 
 def plot(

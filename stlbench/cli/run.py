@@ -26,7 +26,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.named_tasks import task_of
 from stlbench.report import Column, Table, Value, condense, only, to_csv, to_screen
-from stlbench.rollout.standards import differences
+from stlbench.simulation.references import differences
 from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask

@@ -14,10 +14,10 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import PACKED, csv_value, inside, write
-from stlbench.rollout.faults import Question, plugins_of
 from stlbench.share import onnx
 from stlbench.share.bundle import About, pack
 from stlbench.share.minari import export as export_episodes
+from stlbench.simulation.faults import Question, plugins_of
 from stlbench.study.plugin_guard import ask_one
 from stlbench.study.results import Results
 

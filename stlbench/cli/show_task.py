@@ -20,13 +20,13 @@ from stlbench.records.result import Score
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, Value
-from stlbench.rollout.auto import alternatives
-from stlbench.rollout.baselines import Constants
-from stlbench.rollout.faults import Question, answers
-from stlbench.rollout.haste import too_fast
-from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
-from stlbench.rollout.worlds import size_without
 from stlbench.schedules.plan import UnscheduledError
+from stlbench.simulation.auto import alternatives
+from stlbench.simulation.baselines import Constants
+from stlbench.simulation.faults import Question, answers
+from stlbench.simulation.haste import too_fast
+from stlbench.simulation.references import at_random, by_hand, constant_actions, differences
+from stlbench.simulation.worlds import size_without
 from stlbench.study.cell import on_track, own_agent_on
 from stlbench.study.fitting import fit
 from stlbench.study.plugin_guard import ask

@@ -13,8 +13,8 @@ from stlbench.cli.show_task import task
 from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
 from stlbench.report import Column, Table, Value
-from stlbench.rollout.baselines import replay
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.baselines import replay
+from stlbench.simulation.referee import Recording
 from stlbench.task import load_task
 from stlbench.task.reading import read_task_file
 

@@ -18,7 +18,7 @@ from typing import Any
 from stlbench.gate.snapshot import sample
 from stlbench.registry.choices import parse_choice
 from stlbench.study.cell import Cell
-from stlbench.study.plan import plan_cells, warm
+from stlbench.study.plan import plan_cells, preload
 from stlbench.study.trial import run_cell
 
 Answer = dict[str, Any]
@@ -40,7 +40,7 @@ def answer(request: Mapping[str, Any]) -> Answer:
     try:
         task, method, agent = ([parse_choice(request[name])] for name in ("task", "method", "agent"))
         (cell,) = plan_cells(task, method, agent, [request["seed"]], request["budget"], request["track"])
-        warm([cell])
+        preload([cell])
     except Exception as error:
         return {"status": "unknown", "reason": f"{type(error).__name__}: {error}"}
     context = get_context("fork")

@@ -41,7 +41,7 @@ from stlbench.report.tables.yardsticks import Aligned, Known, align, alignment_t
 
 if TYPE_CHECKING:
     from stlbench.report.figures.regions import Load
-    from stlbench.rollout.standards import Standard
+    from stlbench.simulation.references import References
 
 __all__ = [
     "Column",
@@ -80,7 +80,7 @@ class Report:
     """The tables of some results. Each is computed once, when it is first read."""
 
     groups: Sequence[Group]  # the results that the tables show
-    standards: Mapping[str, Standard]  # what the policies of each task are compared with
+    references: Mapping[str, References]  # what the policies of each task are compared with
     recorded: Sequence[Group] | None = None
     """All results of the folder, if `groups` are a part of them: plans are compared with all of these."""
     first: tuple[Table, ...] = ()  # tables that come before these, such as one of bundles
@@ -102,7 +102,7 @@ class Report:
     @cached_property
     def aligned(self) -> tuple[Aligned, ...]:
         """The plans, and the policies learned in the same setting."""
-        return align(self._recorded, self.standards, self.groups)
+        return align(self._recorded, self.references, self.groups)
 
     @cached_property
     def overview(self) -> Table:
@@ -128,12 +128,14 @@ class Report:
             "improvement": improvement_table(self.fields),
             "groups": groups_table(self.fields),
             "differences": pairs_table(self.fields),
-            "controllers": controllers_table({name: self.standards[name] for name in self.standards if name in names}),
+            "controllers": controllers_table(
+                {name: self.references[name] for name in self.references if name in names}
+            ),
             "alignment": alignment_table(self.aligned),
             "time": time_table(self.learned),
             "cells": cells_table(
                 (row for group in self.groups for row in group.rows),
-                {name: standard.groups for name, standard in self.standards.items()},
+                {name: reference.groups for name, reference in self.references.items()},
             ),
         }
 
@@ -178,8 +180,8 @@ class Report:
     @cached_property
     def known(self) -> Known:
         """The facts known of the tasks, such as the best that anything reached."""
-        best = best_known(self._recorded, self.standards)
-        return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
+        best = best_known(self._recorded, self.references)
+        return Known(self.references, {task: value for task, value in best.items() if task in self._tasks})
 
 
 _ACROSS = ("aggregates", "improvement", "groups", "differences")

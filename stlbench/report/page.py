@@ -36,7 +36,7 @@ from stlbench.report.tables.comparisons import verdicts
 from stlbench.report.tables.rows import Group, Row
 from stlbench.report.tables.runs import CELL, if_done, score_columns, scores_and_cost
 from stlbench.report.tables.table import Column, Table, show
-from stlbench.rollout.faults import Ask
+from stlbench.simulation.faults import Ask
 from stlbench.task.task import Task
 
 if TYPE_CHECKING:

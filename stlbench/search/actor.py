@@ -19,9 +19,9 @@ from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy
 from stlbench.errors import UsageError, cause
 from stlbench.records.array_files import Which
 from stlbench.records.result import Result
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.referee import at_once
-from stlbench.rollout.verdicts import judge
+from stlbench.simulation import baselines, referee
+from stlbench.simulation.referee import at_once
+from stlbench.simulation.verdicts import judge
 from stlbench.study.policies import load_policy
 from stlbench.task import starts
 from stlbench.task.entry import Region

@@ -12,9 +12,9 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.rollout.verdicts import Loss, first_loss, last_step, reason
 from stlbench.search.actor import Actor, Box, Seeds, Unsearchable, space_of
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS, Enough, Objective, Worst
+from stlbench.simulation.verdicts import Loss, first_loss, last_step, reason
 from stlbench.study.cell import derive_seed
 
 EVALUATIONS = 10_000

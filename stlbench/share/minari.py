@@ -19,11 +19,11 @@ from stlbench.contract import ActionGrid, Array, Integers, Policy
 from stlbench.errors import UsageError, unwritable
 from stlbench.records.result import Result
 from stlbench.records.result_files import inside, write
-from stlbench.rollout import referee
-from stlbench.rollout.environment import Simulator
-from stlbench.rollout.faults import Question, plugins_of
-from stlbench.rollout.worlds import observation_of
 from stlbench.share.zoo import with_policies
+from stlbench.simulation import referee
+from stlbench.simulation.environment import Simulator
+from stlbench.simulation.faults import Question, plugins_of
+from stlbench.simulation.worlds import observation_of
 from stlbench.study.plugin_guard import ask_one
 from stlbench.study.policies import load_policy
 from stlbench.task import Task

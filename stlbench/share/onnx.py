@@ -16,10 +16,10 @@ from stlbench.records.array_files import Which
 from stlbench.records.observation import KEY, Observation
 from stlbench.records.result import Result
 from stlbench.records.result_files import write
-from stlbench.rollout.referee import Referee
-from stlbench.rollout.worlds import observation_of
 from stlbench.share.actions import actions_of
 from stlbench.share.torch_files import check_size
+from stlbench.simulation.referee import Referee
+from stlbench.simulation.worlds import observation_of
 from stlbench.study.policies import LoadedPolicy, load_policy
 
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}

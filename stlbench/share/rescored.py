@@ -15,9 +15,9 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table, Value
-from stlbench.rollout.faults import Question, Unanswered, plugins_of
-from stlbench.rollout.referee import Referee
 from stlbench.share.bundle import METADATA, About, check, read_metadata, results_in, unpacked
+from stlbench.simulation.faults import Question, Unanswered, plugins_of
+from stlbench.simulation.referee import Referee
 from stlbench.study.plugin_guard import LONG, ask
 from stlbench.study.policies import load_policy
 from stlbench.task import load_task

@@ -19,14 +19,14 @@ from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Scor
 from stlbench.records.result_files import LINES, cell_files, inside, writing
 from stlbench.registry import named_tasks
 from stlbench.registry.choices import NAME, Choice
-from stlbench.rollout import referee
-from stlbench.rollout.baselines import Unpaid
-from stlbench.rollout.faults import Question
-from stlbench.rollout.worlds import observation_of
 from stlbench.share.actions import OnObservation, OnState, numbers_of, read_actions
 from stlbench.share.onnx import load_onnx
 from stlbench.share.source import Source, from_the_reports_starts, load_function, load_traces
 from stlbench.share.torch_files import load_sb3, load_state_dict
+from stlbench.simulation import referee
+from stlbench.simulation.baselines import Unpaid
+from stlbench.simulation.faults import Question
+from stlbench.simulation.worlds import observation_of
 from stlbench.study.cell import digest, harness
 from stlbench.study.provenance import collect
 from stlbench.task import Task, build_method, load_task

@@ -20,10 +20,10 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError, cause, did_you_mean
 from stlbench.records.array_files import read_saved
 from stlbench.registry.fingerprint import fingerprint
-from stlbench.rollout.referee import Episodes
-from stlbench.rollout.trace_table import read_table, times_of
-from stlbench.rollout.verdicts import last_steps
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation.referee import Episodes
+from stlbench.simulation.trace_table import read_table, times_of
+from stlbench.simulation.verdicts import last_steps
+from stlbench.simulation.worlds import make_world
 from stlbench.task.task import Task
 
 Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]

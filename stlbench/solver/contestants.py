@@ -12,8 +12,8 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.rollout.auto import automatic, in_turn
-from stlbench.solver.posed import TASK
+from stlbench.simulation.auto import automatic, in_turn
+from stlbench.solver.workspace import TASK
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods
 from stlbench.task.build import INIT

@@ -21,17 +21,17 @@ from stlbench.records.result_files import inside, write
 from stlbench.report import Report, condense
 from stlbench.report import write as write_report
 from stlbench.report.page import Opening, require, write_page
-from stlbench.rollout.standards import standards
 from stlbench.search.actor import Actor, of_cell, space_of
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.share.onnx import export
+from stlbench.simulation.references import references
 from stlbench.solver.contestants import rank
-from stlbench.solver.posed import TASK, WITNESS, Posed
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
 from stlbench.solver.solution import FILE, FINAL, MORE, cells_of
+from stlbench.solver.workspace import TASK, WITNESS, Workspace
 from stlbench.study.film import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
@@ -47,7 +47,7 @@ _MOST, _FEWEST, _TIMED = 1000, 100, 16  # starts of the certificate, and those b
 class Delivery:
     """What is delivered of trainings."""
 
-    posed: Posed
+    workspace: Workspace
     problem: Problem
     clock: Clock
     confidence: float
@@ -64,7 +64,7 @@ class Delivery:
     @property
     def folder(self) -> Path:
         """Of everything."""
-        return self.posed.folder
+        return self.workspace.folder
 
     @property
     def cells(self) -> Path:
@@ -78,7 +78,7 @@ class Delivery:
         facts = {"formula": str(actor.task.formula), "step seconds": actor.task.file.sampling_time}
         facts |= {"environment": _environment(actor.task, self.problem)}
         facts |= {"cell": self.best.id.name, "budget": self.best.id.budget, "key": self.best.key}
-        repeatable = self.posed.state["repeatable"]
+        repeatable = self.workspace.state["repeatable"]
         facts |= {"interrupted": self.interrupted} | self._certified(actor, starts) | {"repeatable": repeatable}
         if not repeatable:
             facts["seed"] = None
@@ -128,7 +128,7 @@ class Delivery:
         """The page, or without its package the tables and figures as files."""
         cells = self.cells
         groups = condense(stored.read(cells))
-        report = Report(groups, standards((group.setting for group in groups), ask))
+        report = Report(groups, references((group.setting for group in groups), ask))
         try:
             require()
         except UsageError:
@@ -154,7 +154,7 @@ class Delivery:
             lines.append(f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}.")
         found = sorted((self.folder / "counterexample").glob("*.png"))
         pictures = [path for path in (self.folder / "film.gif", *found) if path.is_file()]
-        return Opening([*lines, *self.posed.notes], [*asked.items()], pictures, file.title)
+        return Opening([*lines, *self.workspace.notes], [*asked.items()], pictures, file.title)
 
     def _film(self) -> None:
         filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)
@@ -182,7 +182,7 @@ class Delivery:
         yield from self._comparison()
         if attacked is not None:
             yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."
-        yield from (f"\n- {line}" for line in (*self.posed.notes, *remarks))
+        yield from (f"\n- {line}" for line in (*self.workspace.notes, *remarks))
         if facts["probability"] < LEARNED:
             yield from ("", "## What is missing", "", *self._missing())
         yield from ("", "## Run the policy", "", "```python", *_lines(task, self.problem, self.folder), "```", "")
@@ -225,7 +225,7 @@ class Delivery:
     def _suggestions(self, failing: str) -> list[str]:
         """The two most promising changes."""
         assert self.best.measurement is not None
-        measured, task = self.best.measurement, self.posed.task
+        measured, task = self.best.measurement, self.workspace.task
         texts = []
         if measured.selected[MAIN].ended_early and task.file.terminated == "violated":
             texts.append(

@@ -21,42 +21,42 @@ from stlbench.records.result_files import cell_files
 from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, along, best_first, contestants, rank, resumes
 from stlbench.solver.outlook import Outlook, outlook
-from stlbench.solver.posed import Posed
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
 from stlbench.solver.start import Start
+from stlbench.solver.workspace import Workspace
 from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
 from stlbench.study.tuning import FIRST_SEED
 
-_TIMES = 3  # seconds of a rung, over those of the one before
+_RUNG_RATIO = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
-_DELIVERY = 0.2
+_DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
-_PROBE = 0.1
+_PROBE_SHARE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
-_OF_PROBE = 10
+_PROBE_CHECKPOINTS = 10
 """Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
-_SCORING, _CHECKPOINTS = 0.2, (4, 20)
+_SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
 """The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
-_GLANCE = 8  # starts from which a checkpoint is scored during a training
+_CHECKPOINT_STARTS = 8  # starts from which a checkpoint is scored during a training
 _PATIENCE = 1
 """Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
-_PROMISING = 0.5
+_PROMISING_SHARE = 0.5
 """A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
 race ends, and it trains on."""
-_ENOUGH = 100
+_FIRST_RUNG_EPISODES = 100
 """Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
-_LONGER = 4
+_MOST_WINNER_STEPS = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
-_AGAIN = 1.5
+_TWO_SEEDS_SECONDS = 1.5
 """The second seed of the final training is planned where both have so many times the seconds of the winner."""
-_LOOK, _LOOKED = 0.02, (100, 500)
+_LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
-_MOST_AT_ONCE = 2
+_SIDE_BY_SIDE = 2
 """Trainings that go on side by side."""
-_SLACK = 1.15
+_OVERTIME = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
-_HANGING = 600.0
+_HANGING_SECONDS = 600.0
 """Seconds after which a training is stopped that does not reach its checkpoints, beside three times its own."""
 
 
@@ -82,7 +82,7 @@ class Clock:
 class Trainer:
     """Runs the cells of a problem."""
 
-    posed: Posed
+    workspace: Workspace
     clock: Clock
     say: Callable[[str], None]
     """Gets a header line for each phase."""
@@ -106,7 +106,7 @@ class Trainer:
         They end with the first that is `enough`. Where the time before the delivery is too short no more begin, but
         those that run side by side all end. A study has one task and one agent.
         """
-        half, ended = (self.posed.task.budget(budget).seconds or 0.0) / 2, list[Result]()
+        half, ended = (self.workspace.task.budget(budget).seconds or 0.0) / 2, list[Result]()
 
         def is_last(result: Result) -> bool:
             ended.append(result)
@@ -124,7 +124,7 @@ class Trainer:
                 budget=budget,
                 track="auto",
                 init=init or (None if self.start is None else self.start.path),
-                results=self.posed.folder / cells_of(budget),
+                results=self.workspace.folder / cells_of(budget),
                 executor=self.executor,
                 jobs=self.jobs,
                 progress=self.progress,
@@ -135,27 +135,27 @@ class Trainer:
     @property
     def _left(self) -> float:
         """Seconds until the delivery."""
-        return max(0.0, self.clock.left - _DELIVERY * 60 * self.clock.minutes)
+        return max(0.0, self.clock.left - _DELIVERY_SHARE * 60 * self.clock.minutes)
 
     def race(self) -> Result:
         """The best result; its method is the winner. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
         racing = list(
-            contestants(self.posed.task, self.clock.minutes, None if self.start is None else self.start.trained_by)
+            contestants(self.workspace.task, self.clock.minutes, None if self.start is None else self.start.trained_by)
         )
         # no probe may last: a slow environment would use up all time before anything is known of its speed
-        steps, seconds = self.posed.task.budget("probe").steps, _PROBE * 60 * self.clock.minutes
-        self._write("probe", steps, seconds, checkpoints=_OF_PROBE, patience=_PATIENCE)
+        steps, seconds = self.workspace.task.budget("probe").steps, _PROBE_SHARE * 60 * self.clock.minutes
+        self._write("probe", steps, seconds, checkpoints=_PROBE_CHECKPOINTS, patience=_PATIENCE)
         (best,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
         if best.measurement is None:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
         if _satisfies(best):
             return best
-        if rank(best)[0] == 0 and (found := self.posed.search(60 * self.clock.minutes)):
+        if rank(best)[0] == 0 and (found := self.workspace.search(60 * self.clock.minutes)):
             self.say(found)
         if self.start is None:
-            racing = list(along(racing, self.posed.choices))
-        methods = self.posed.state["methods"]  # of a race that was stopped
+            racing = list(along(racing, self.workspace.choices))
+        methods = self.workspace.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
@@ -174,7 +174,7 @@ class Trainer:
         return best_first(finals, race)
 
     def _done(self, folder: str) -> list[Result]:
-        place = self.posed.folder / folder
+        place = self.workspace.folder / folder
         return [each for each in stored.read(place) if each.measurement is not None] if place.is_dir() else []
 
     def _plan(self, racing: Sequence[Contestant], probe: Result) -> int:
@@ -183,43 +183,43 @@ class Trainer:
         Raises `UsageError` where it is too short even for one.
         """
         apart, each = _cost(probe)
-        steps, given = self.posed.task.file.steps, 60 * tries.RACE * self.clock.minutes
-        least = tries.least(self.posed.task)
+        steps, given = self.workspace.task.file.steps, 60 * tries.RACE_SHARE * self.clock.minutes
+        least = tries.least(self.workspace.task)
         if given < least * each:
             raise UsageError(
                 f"{self.clock.minutes:g} minutes are too short: at {1 / each:.0f} steps a second they leave "
                 f"{given / each:.0f} steps for a training, and {least} are the least; "
-                f"about {tries.least_minutes(self.posed.task, each):.2g} minutes are needed"
+                f"about {tries.least_minutes(self.workspace.task, each):.2g} minutes are needed"
             )
         count = len(racing)
         while count > 1:
             waves = _waves(count, self._at_once)
-            first = given / sum(wave * _TIMES**rung for rung, wave in enumerate(waves))
+            first = given / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(waves))
             checkpoints, seconds = self._training(first, apart)
-            if seconds >= _ENOUGH * steps * each and first >= 2 * apart:
+            if seconds >= _FIRST_RUNG_EPISODES * steps * each and first >= 2 * apart:
                 for rung in range(len(waves)):
-                    checkpoints, seconds = self._training(first * _TIMES**rung, apart)
+                    checkpoints, seconds = self._training(first * _RUNG_RATIO**rung, apart)
                     self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints, _PATIENCE)
                 break
             count -= 1
-        self.posed.remember(methods=[contestant.method for contestant in racing[:count]])
+        self.workspace.remember(methods=[contestant.method for contestant in racing[:count]])
         return count
 
     def _training(self, seconds: float, apart: float) -> tuple[int, float]:
         """For a cell of so many seconds: its checkpoints, and the seconds of its training."""
-        scored = (self.posed.task.file.starts + _GLANCE) * self.posed.episode_seconds
-        checkpoints = int(np.clip(_SCORING * seconds / scored, *_CHECKPOINTS))
+        scored = (self.workspace.task.file.starts + _CHECKPOINT_STARTS) * self.workspace.episode_seconds
+        checkpoints = int(np.clip(_SCORING_SHARE * seconds / scored, *_CHECKPOINTS))
         return checkpoints, max(seconds / 2, seconds - apart - checkpoints * scored)
 
     def _write(self, name: str, steps: int, seconds: float, checkpoints: int, patience: int | None = None) -> None:
         """Write a budget of about so many steps, which should take so many seconds."""
-        hold = self.posed.task.file.hold
-        self.posed.budget(
+        hold = self.workspace.task.file.hold
+        self.workspace.budget(
             name,
             steps=steps // hold * hold,
             seeds=1,
-            seconds=round(max(0.1, _SLACK * seconds), 1),
-            deadline=float(round(_HANGING + 3 * seconds)),
+            seconds=round(max(0.1, _OVERTIME * seconds), 1),
+            deadline=float(round(_HANGING_SECONDS + 3 * seconds)),
             checkpoints=checkpoints,
             random_starts=0,
             patience=patience,
@@ -229,10 +229,10 @@ class Trainer:
         """Not so where the best policy was one moment of an unstable training, or hardly better than a baseline."""
         if result.measurement is None:
             return False
-        stated = self.posed.task.file.baselines
+        stated = self.workspace.task.file.baselines
         idle = max(each.satisfied for each in (stated.zero, stated.constant, stated.random)) if stated else 0.0
         share = min(rank(result)[0], result.measurement.curve[-1].satisfaction)
-        return _satisfies(result) or share >= idle + _PROMISING * (1 - idle)
+        return _satisfies(result) or share >= idle + _PROMISING_SHARE * (1 - idle)
 
     @property
     def _at_once(self) -> int:
@@ -247,18 +247,18 @@ class Trainer:
         if not self._left and not self._done(FINAL):
             self.say("no time is left to train again with fresh seeds")
             return []
-        if FINAL not in self.posed.task.file.budgets:
+        if FINAL not in self.workspace.task.file.budgets:
             apart, each = _cost(winner)
             assert winner.measurement is not None
             turns = -(-len(FINAL_SEEDS) // self._at_once)
-            if self._left / turns < _AGAIN * winner.measurement.wall_seconds:
+            if self._left / turns < _TWO_SEEDS_SECONDS * winner.measurement.wall_seconds:
                 turns = 1  # one seed for all of the time; it should not learn less than in the race
             checkpoints, seconds = self._training(self._left / turns, apart)
             steps = int(seconds / each)
             if rank(winner)[0] == 1:
-                steps = min(steps, _LONGER * winner.measurement.env_steps)
+                steps = min(steps, _MOST_WINNER_STEPS * winner.measurement.env_steps)
             self._write(FINAL, steps, seconds, checkpoints)
-        contestant, steps = Contestant.of(winner), self.posed.task.budget(FINAL).steps
+        contestant, steps = Contestant.of(winner), self.workspace.task.budget(FINAL).steps
         self.say(f"final: {contestant}, fresh seeds, at most {steps} steps each; {_score(winner)}")
         return self.train(FINAL, [contestant], FINAL_SEEDS, _satisfies)
 
@@ -270,18 +270,18 @@ class Trainer:
         In turn, from the best policy and from fresh networks: the other way follows one that was no better.
         """
         known = {each.key: each for each in (*trained, *self._done(FINAL))}
-        if (chosen := known.pop(self.posed.state["chosen"], None)) is not None:
+        if (chosen := known.pop(self.workspace.state["chosen"], None)) is not None:
             return [chosen, *known.values()]
         best, others = trained[0], [*trained[1:]]
         seen, onward = self._outlook(best), True
         for turn in count(1):
             if not seen.can_rise or not self._plan_more(f"{MORE}{turn}", best):
                 break
-            contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _MOST_AT_ONCE * (turn - 1)
+            contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _SIDE_BY_SIDE * (turn - 1)
             init = self._policy_of(best) if onward and resumes(contestant.agent) else None
             how = "fresh networks" if init is None else "the best policy"
             self.say(f"training on, from {how}: {contestant}; {seen}")
-            seeds = range(first, first + min(_MOST_AT_ONCE, self._at_once))
+            seeds = range(first, first + min(_SIDE_BY_SIDE, self._at_once))
             rose = False
             for result in self.train(f"{MORE}{turn}", [contestant], seeds, lambda result: False, init):
                 now = seen if result.measurement is None else self._outlook(result)
@@ -291,23 +291,23 @@ class Trainer:
                 else:
                     others.append(result)
             onward = onward == rose
-        self.posed.remember(chosen=best.key)
+        self.workspace.remember(chosen=best.key)
         return [best, *others]
 
     def _outlook(self, result: Result) -> Outlook:
-        starts = int(np.clip(_LOOK * 60 * self.clock.minutes / self.posed.episode_seconds, *_LOOKED))
-        return outlook(self.posed.folder / cells_of(result.id.budget), result, starts)
+        starts = int(np.clip(_LOOK_SHARE * 60 * self.clock.minutes / self.workspace.episode_seconds, *_LOOK_STARTS))
+        return outlook(self.workspace.folder / cells_of(result.id.budget), result, starts)
 
     def _policy_of(self, result: Result) -> Path:
-        return cell_files(self.posed.folder / cells_of(result.id.budget), result.id, result.key).policies
+        return cell_files(self.workspace.folder / cells_of(result.id.budget), result.id, result.key).policies
 
     def _plan_more(self, budget: str, best: Result) -> bool:
         """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""
-        if budget in self.posed.task.file.budgets:
+        if budget in self.workspace.task.file.budgets:
             return True  # of a solve that was stopped
         apart, each = _cost(best)
         assert best.measurement is not None
-        if self._left < 2 * (apart + tries.least(self.posed.task) * each):
+        if self._left < 2 * (apart + tries.least(self.workspace.task) * each):
             return False
         half = self._left / 2
         checkpoints, seconds = self._training(half if half >= best.measurement.wall_seconds else self._left, apart)

@@ -17,11 +17,11 @@ from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
 from stlbench.solver.contestants import best_first
 from stlbench.solver.deliver import Delivery, sentence
-from stlbench.solver.posed import is_of, pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
 from stlbench.solver.start import Start
+from stlbench.solver.workspace import is_of, pose
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_make import blaming
@@ -94,25 +94,25 @@ def solve(
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")
     with blaming(identifier):
-        posed = pose(problem, folder, minutes, note)
-    for line in posed.notes:
+        workspace = pose(problem, folder, minutes, note)
+    for line in workspace.notes:
         note(line)
     if begun is not None:
-        begun.check(posed.task)
-    posed.begin(minutes)
-    trainer = Trainer(posed, clock, say, progress, executor, jobs, begun)
+        begun.check(workspace.task)
+    workspace.begin(minutes)
+    trainer = Trainer(workspace, clock, say, progress, executor, jobs, begun)
     try:
         winner = trainer.race()
         trained = trainer.improve(best_first(trainer.final(winner), [winner]))
     except KeyboardInterrupt:
         if trained := trainer.kept():
             say("interrupted: a short certificate of the best so far; ctrl-C again leaves it out")
-            note(sentence(Delivery(posed, problem, clock, confidence, trained, interrupted=True).write()))
+            note(sentence(Delivery(workspace, problem, clock, confidence, trained, interrupted=True).write()))
         raise
     if not _is_delivered(folder, trained[0], confidence):
         say("certificate, counterexamples and files")
         with blaming(identifier):
-            Delivery(posed, problem, clock, confidence, trained).write()
+            Delivery(workspace, problem, clock, confidence, trained).write()
     solution = Solution.load(folder, run_code=True)  # the task is the user's own
     note(sentence(solution.certificate))
     return solution

@@ -15,9 +15,9 @@ from stlbench.errors import UsageError
 from stlbench.records.result import LEARNED
 from stlbench.records.result_files import inside, read
 from stlbench.registry import named_tasks
-from stlbench.rollout.faults import pay
-from stlbench.rollout.worlds import scaled_times, time_and_inputs
-from stlbench.solver.posed import TASK
+from stlbench.simulation.faults import pay
+from stlbench.simulation.worlds import scaled_times, time_and_inputs
+from stlbench.solver.workspace import TASK
 from stlbench.study.policies import LoadedPolicy, load_policy
 from stlbench.study.results import Results
 from stlbench.task.gym_spaces import as_action

@@ -9,8 +9,8 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.observation import Observation
 from stlbench.records.result_files import cell_files
-from stlbench.rollout.auto import automatic
-from stlbench.rollout.worlds import observation_of
+from stlbench.simulation.auto import automatic
+from stlbench.simulation.worlds import observation_of
 from stlbench.solver.contestants import Contestant, resumes
 from stlbench.solver.solution import FILE, cells_of, certificate_of
 from stlbench.study.initial import Initial, read

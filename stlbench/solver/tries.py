@@ -15,20 +15,20 @@ import numpy as np
 from stlbench.contract import ActionGrid, Array, GymTask, Integers
 from stlbench.errors import UsageError
 from stlbench.records.result import LEARNED, Score
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.baselines import Unpaid, held_at_random, in_pieces, random_actions, replay
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.haste import too_fast
-from stlbench.rollout.verdicts import judge
+from stlbench.simulation import baselines, referee
+from stlbench.simulation.baselines import Unpaid, held_at_random, in_pieces, random_actions, replay
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.haste import too_fast
+from stlbench.simulation.verdicts import judge
 from stlbench.solver.problem import why_impossible
 from stlbench.study.progress import duration
 from stlbench.task.task import Task
 
 COPIES, _ELITE = 32, 6
 """Episodes of a generation, and how many of all so far the next one is made from."""
-_PIECES = 20
+_MOST_ACTIONS = 20
 """A sequence has at most so many actions. Each is held for an equal part of the episode."""
-_NEW, _SPREAD = 0.15, 0.1
+_NEW_SHARE, _SPREAD = 0.15, 0.1
 """The share of actions that are drawn anew, and the standard deviation of changes of others, over an axis' span."""
 
 
@@ -60,7 +60,7 @@ def search(task: Task, seconds: float, begun: Array, near: Nearest | None = None
     """
     clock, generator = time.perf_counter(), np.random.default_rng(0)
     decisions = task.file.steps // task.file.hold
-    pieces = min(_PIECES, decisions)
+    pieces = min(_MOST_ACTIONS, decisions)
     when = in_pieces(decisions, pieces)
     pool = held_at_random(task.actions, generator, COPIES, pieces) if near is None else near.pool
     best, scores, traces, episodes = pool[:0], np.empty((0, 2)), np.empty((0,)), 0
@@ -90,46 +90,46 @@ def _changed(task: Task, generator: np.random.Generator, elite: Integers | Array
         low, high = np.array(task.actions.low), np.array(task.actions.high)
         noise = _SPREAD * (high - low) * generator.standard_normal(children.shape)
         children = np.clip(children + noise, low, high)
-    new = generator.random((COPIES, pieces)) < _NEW
+    new = generator.random((COPIES, pieces)) < _NEW_SHARE
     children[new] = random_actions(task.actions, generator, int(new.sum()))
     return children
 
 
 FEWEST = 16
 """Starts of a score, at least."""
-_MEASURED = 3.0
+_SPEED_SECONDS = 3.0
 """Seconds for which the speed of the simulation is measured, at most."""
-_TRIED = 110
+_TRIED_EPISODES = 110
 """Episodes of the first tries of a slow environment: at random, of constant actions, and scores."""
-_LONG = 20.0
+_ANNOUNCED_SECONDS = 20.0
 """Seconds of the first tries from which on they are announced."""
-_AGAIN = 2
+_REPEATED_STARTS = 2
 """Starts from which an episode is played again."""
-RACE = 0.4
+RACE_SHARE = 0.4
 """The share of the time for the race."""
-_EPISODES, _LEAST = 20, 3000
+_LEAST_EPISODES, _LEAST_STEPS = 20, 3000
 """A training of fewer episodes, or of fewer steps, teaches nothing."""
 
 
 def least(task: Task) -> int:
     """Steps of a training, at least."""
-    return max(_EPISODES * task.file.steps, _LEAST)
+    return max(_LEAST_EPISODES * task.file.steps, _LEAST_STEPS)
 
 
 def least_minutes(task: Task, each: float) -> float:
     """Minutes that suffice for the least training, at so many seconds a step."""
-    return least(task) * each / (60 * RACE)
+    return least(task) * each / (60 * RACE_SHARE)
 
 
 def check_speed(task: Task, episode: float, minutes: float, say: Callable[[str], None]) -> None:
     """Says if the tries will take long. Raises `UsageError` where episodes of so many seconds are too slow for the
     minutes."""
-    each, tried = episode / task.file.steps, _TRIED * episode
+    each, tried = episode / task.file.steps, _TRIED_EPISODES * episode
     needed = tried / 60 + least_minutes(task, each)
     slow = f"a step of the environment takes {1000 * each:.3g} ms"
     if needed > minutes:
         raise UsageError(f"{minutes:g} minutes are too short: {slow}; about {needed:.2g} minutes are needed")
-    if tried > _LONG:
+    if tried > _ANNOUNCED_SECONDS:
         say(f"{slow}, so the first look takes about {duration(tried)}")
 
 
@@ -148,7 +148,7 @@ def try_at_random(task: Task) -> None:
 
 def is_repeatable(task: Task) -> bool:
     """Whether the same starts and actions give the same episodes: an environment may ignore its seeds."""
-    starts = task.starts.report_and_selection()[0][:_AGAIN]
+    starts = task.starts.report_and_selection()[0][:_REPEATED_STARTS]
     shape = len(starts), task.file.steps // task.file.hold
     drawn = baselines.random_actions(task.actions, np.random.default_rng(0), shape[0] * shape[1])
     actions = drawn.reshape(*shape, *drawn.shape[1:])
@@ -161,7 +161,7 @@ def episode_seconds(task: Task) -> float:
     environment = BatchEnvironment(task, Unpaid(task.specification), FEWEST, seed=0)
     policy, nothing = baselines.AtRandom(task), np.empty((FEWEST, 0))
     began = time.perf_counter()
-    while environment.taken < FEWEST * task.file.steps and time.perf_counter() - began < _MEASURED:
+    while environment.taken < FEWEST * task.file.steps and time.perf_counter() - began < _SPEED_SECONDS:
         environment.step(policy.act(nothing))
     return (time.perf_counter() - began) * task.file.steps / environment.taken
 

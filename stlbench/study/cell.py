@@ -23,7 +23,7 @@ from stlbench.records.result_files import write
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code, code_of, own_code
-from stlbench.rollout.auto import for_every_method
+from stlbench.simulation.auto import for_every_method
 from stlbench.task.entry import Count
 from stlbench.task.reading import load_yaml
 from stlbench.task.task import Task, agent_for, load_task
@@ -188,7 +188,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Ingredients:
+class KeyParts:
     """All of a key but the track and the seed."""
 
     harness: Part

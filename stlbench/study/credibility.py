@@ -22,7 +22,7 @@ from stlbench.records.array_files import read_cell
 from stlbench.records.result import MAIN, Measurement, Result, Score
 from stlbench.records.result_files import cell_files
 from stlbench.registry import plugins
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from stlbench.study.cell import Cell
 from stlbench.task import Task
 
@@ -64,7 +64,7 @@ def _close(one: object, other: object) -> bool:
     return a.shape == b.shape and np.allclose(a, b, rtol=_CLOSE, atol=_CLOSE, equal_nan=True)
 
 
-class Examiner:
+class ConsistencyCheck:
     """Replaces results that their traces do not score (`contradiction`) by failures, as a context manager.
 
     If a cell has a method or an agent of another distribution, a fresh interpreter examines the results. It imports

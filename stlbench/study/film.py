@@ -34,7 +34,7 @@ from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.regions import parts
 from stlbench.report.figures.style import TRACE
 from stlbench.report.figures.trajectories import READ, part_keys, signals_in_time, trajectories
-from stlbench.rollout.referee import Recording, load
+from stlbench.simulation.referee import Recording, load
 from stlbench.study.policies import EVERY, Replay, Start, reenact, replay
 from stlbench.task.task import Task, load_task
 

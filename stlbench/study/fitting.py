@@ -12,7 +12,7 @@ from typing import Literal
 from stlbench.contract import Agent, Cost, Intractable, RewardMethod, Specification, Unsuitable
 from stlbench.errors import UsageError, cause, one_line
 from stlbench.registry.plugins import PluginError
-from stlbench.rollout.worlds import size_without
+from stlbench.simulation.worlds import size_without
 from stlbench.task import build_agent, build_method
 from stlbench.task.task import Task
 

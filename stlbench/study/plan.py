@@ -19,11 +19,11 @@ from stlbench.errors import UsageError, cause, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.rollout.environment import BatchEnvironment, model_of
+from stlbench.simulation.environment import BatchEnvironment, model_of
 from stlbench.study import initial
 from stlbench.study.cell import (
     Cell,
-    Ingredients,
+    KeyParts,
     Part,
     Recipe,
     Recipes,
@@ -94,19 +94,19 @@ class _Planned:
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: Part, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
-        within = self._ingredients(part, agent, recipe)
+        within = self._key_parts(part, agent, recipe)
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
         place = named_tasks.place_of(self.task.choice.name)
         deadline = self.task.budget(self.budget).deadline
         return Cell(cell, within.key(self.track, seed), deadline, recipe, place, self.init, within.parts, within.code)
 
-    def _ingredients(self, part: Part, agent: Choice, recipe: Recipe | None) -> Ingredients:
+    def _key_parts(self, part: Part, agent: Choice, recipe: Recipe | None) -> KeyParts:
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if setting not in self._known:
             task = on_track(self.task, agent, self.track, recipe)
             self._known[setting] = task_part(task, self.budget), agent_part(task, agent)
         own, trained = self._known[setting]
-        return Ingredients(self.harness, own, part, trained)
+        return KeyParts(self.harness, own, part, trained)
 
     @cached_property
     def _known(self) -> dict[Any, tuple[Part, Part]]:
@@ -190,7 +190,7 @@ def _parts(cell: Cell) -> dict[str, str]:
     return {"tasks": str(cell.id.task), "methods": str(cell.id.method), "agents": str(cell.id.agent)}
 
 
-def warm(cells: Sequence[Cell]) -> None:
+def preload(cells: Sequence[Cell]) -> None:
     """Load what these cells need, as far as it comes with stlbench; what cannot be loaded is passed over."""
     here()
     for cell in cells:
@@ -198,10 +198,10 @@ def warm(cells: Sequence[Cell]) -> None:
             changed(cell)  # reads its files, so that its own look at them finds them read
         if plugins.find("tasks", cell.id.task.name).is_own:
             with suppress(Exception):
-                _warm(cell.load_task(), cell)
+                _preload(cell.load_task(), cell)
 
 
-def _warm(task: Task, cell: Cell) -> None:
+def _preload(task: Task, cell: Cell) -> None:
     if plugins.find("methods", cell.id.method.name).is_own:
         with suppress(Exception):  # a method that does not fit
             environment = BatchEnvironment(task, build_method(task, cell.id.method), 2, 0)

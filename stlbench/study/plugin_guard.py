@@ -17,8 +17,8 @@ from stlbench.contract import Outcome, Work
 from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
-from stlbench.rollout.faults import Question, Unanswered, answered_here
-from stlbench.rollout.standards import about, known
+from stlbench.simulation.faults import Question, Unanswered, answered_here
+from stlbench.simulation.references import about, known
 from stlbench.study.scheduler import build_executor
 from stlbench.task import Task, load_task
 

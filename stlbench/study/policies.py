@@ -17,10 +17,10 @@ from stlbench.records.array_files import Film, Which, read_policy
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, StoredPolicies
 from stlbench.registry import plugins
-from stlbench.rollout import referee
-from stlbench.rollout.environment import Simulator
-from stlbench.rollout.referee import Recording
-from stlbench.rollout.worlds import observation_of
+from stlbench.simulation import referee
+from stlbench.simulation.environment import Simulator
+from stlbench.simulation.referee import Recording
+from stlbench.simulation.worlds import observation_of
 from stlbench.study.cell import Recipe, task_of
 from stlbench.task import build_method
 from stlbench.task.starts import StateStarts

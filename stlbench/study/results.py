@@ -152,11 +152,11 @@ class Results:
     def _report(self) -> Report:
         """Controllers of the tasks act first, which takes some seconds for tasks on a MuJoCo model."""
         from stlbench.report import Report, condense
-        from stlbench.rollout.standards import standards
+        from stlbench.simulation.references import references
         from stlbench.study.plugin_guard import ask
 
         groups = condense(self.results, self.missing)
-        return Report(groups, standards((group.setting for group in groups), ask))
+        return Report(groups, references((group.setting for group in groups), ask))
 
     def curves(self) -> pd.DataFrame:
         """One row per finished cell and checkpoint, scored on the starts that are kept for selection.

@@ -22,9 +22,9 @@ from stlbench.records.result_files import cell_files, writing
 from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import outdated, outdated_note, run_checked
-from stlbench.study.credibility import Examiner
+from stlbench.study.credibility import ConsistencyCheck
 from stlbench.study.logs import Callback, Logged, Progress, Silent, build_logs, listening
-from stlbench.study.plan import check_cells, examples, uncompiled, warm
+from stlbench.study.plan import check_cells, examples, preload, uncompiled
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
 from stlbench.study.scheduler import build_executor
@@ -195,9 +195,9 @@ def _run(
     """The result of each cell, recorded, as they end."""
     place = folder.absolute()  # a worker elsewhere has another working directory
     in_folder = partial(run_checked, run_cell=run_cell, folder=place)
-    work = Work(in_folder, partial(warm, examples(cells)), partial(_log_of, place), here)
+    work = Work(in_folder, partial(preload, examples(cells)), partial(_log_of, place), here)
     with (
-        Examiner(cells, place) as examined,
+        ConsistencyCheck(cells, place) as examined,
         closing(scheduler.run(cells, ledger, executor, work, provenance, examined)) as results,
     ):
         yield from results

@@ -35,10 +35,10 @@ from stlbench.records.array_files import Assessment
 from stlbench.records.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.records.result_files import cell_files, inside
 from stlbench.registry.breaches import breach
-from stlbench.rollout.environment import BatchEnvironment, model_of
-from stlbench.rollout.referee import Referee
-from stlbench.rollout.rehearsal import rehearse
-from stlbench.rollout.worlds import make_world, observation_of
+from stlbench.simulation.environment import BatchEnvironment, model_of
+from stlbench.simulation.referee import Referee
+from stlbench.simulation.rehearsal import rehearse
+from stlbench.simulation.worlds import make_world, observation_of
 from stlbench.study.cell import Cell, Recipe, derive_seed
 from stlbench.study.fitting import refuse_dear
 from stlbench.study.initial import arrays_of

@@ -1,9 +1,9 @@
 """The derived formula: what reward methods are given on the track `auto` in place of the task's own formula.
 
 Its predicates are those of the formula that it is derived from, brought to one scale by their roles. Each keeps its
-sign, so the same traces satisfy both. The track `auto` derives it from the task's formula in the form of
-`forms.regular`, which may ask for less: G[c,d] (p | q) in place of G[c,d] p | G[c,d] q. So every trace that satisfies
-the task's formula satisfies the derived one, and there others may too. The referee scores the task's own formula.
+sign, so the same traces satisfy both. The track `auto` derives it from the task's formula in its
+`forms.normal_form`, which may ask for less: G[c,d] (p | q) in place of G[c,d] p | G[c,d] q. So every trace that
+satisfies the task's formula satisfies the derived one, and others may too. The referee scores the task's own formula.
 """
 
 from __future__ import annotations

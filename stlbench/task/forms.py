@@ -164,7 +164,7 @@ def _sides(psi: stl.Formula, box: tuple[tuple[str, tuple[float, float]], ...]) -
     return high, low
 
 
-def regular(formula: Formula) -> Formula:
+def normal_form(formula: Formula) -> Formula:
     """The formula in a form that more methods take.
 
     - Inside of F or G, a part without temporal operators beside others becomes G[0,0] of it. This is the same formula.
@@ -174,7 +174,7 @@ def regular(formula: Formula) -> Formula:
       second, but not the other way round.
     """
     if isinstance(formula, And):
-        args = tuple(map(regular, formula.args))
+        args = tuple(map(normal_form, formula.args))
         joined = _joined(args)
         return replace(formula, args=args) if joined is None else joined
     if isinstance(formula, Always | Eventually):
@@ -204,11 +204,11 @@ def _inner(formula: Formula) -> Formula:
             return Always(windows[0].a, windows[0].b, Or(tuple(arg.arg for arg in windows))) if alike else formula
         case And(args) if is_temporal(formula):
             plain = [arg for arg in args if not is_temporal(arg)]
-            rest = [regular(arg) for arg in args if is_temporal(arg)]
+            rest = [normal_form(arg) for arg in args if is_temporal(arg)]
             held = [Always(0, 0, plain[0] if len(plain) == 1 else And(tuple(plain)))] if plain else []
             return And((*rest, *held))
         case _:
-            return regular(formula) if stl.is_temporal(formula) else formula
+            return normal_form(formula) if stl.is_temporal(formula) else formula
 
 
 TRAITS = (

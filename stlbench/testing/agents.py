@@ -28,8 +28,8 @@ from stlbench.contract.agent import ActionKind
 from stlbench.errors import UsageError, cause
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
-from stlbench.rollout.environment import BatchEnvironment, model_of
-from stlbench.rollout.referee import record
+from stlbench.simulation.environment import BatchEnvironment, model_of
+from stlbench.simulation.referee import record
 from stlbench.task.reading import read_task_file
 from stlbench.task.task import Task
 from stlbench.testing.rules import RuleBroken, Rules, made

@@ -13,13 +13,13 @@ from stlbench.contract import ActionGrid, Array, GymTask, Integers, System, Trai
 from stlbench.errors import UsageError, one_line
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.auto import for_every_method
-from stlbench.rollout.baselines import Unpaid
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.rehearsal import rehearse
-from stlbench.rollout.verdicts import without_end
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation import baselines, referee
+from stlbench.simulation.auto import for_every_method
+from stlbench.simulation.baselines import Unpaid
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.rehearsal import rehearse
+from stlbench.simulation.verdicts import without_end
+from stlbench.simulation.worlds import make_world
 from stlbench.task import build_agent, starts
 from stlbench.task.gym_spaces import outside_space
 from stlbench.task.starts import StateStarts

@@ -9,7 +9,7 @@ import pytest
 from helpers.line_task import line
 
 from stlbench.contract import Actions, Agent, Arrays, Policy, Training, Unsuitable
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.testing import check_agent
 from stlbench.testing.agents import FORMS, Nearness, line_task
 from stlbench_agents.dqn import DQN, DQNPerRobot

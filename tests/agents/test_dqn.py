@@ -15,8 +15,8 @@ from helpers.latch import Latch
 from helpers.line_task import Probe, line
 
 from stlbench.contract import Integers, Training, Transition
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import GreedyPolicy

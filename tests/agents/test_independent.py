@@ -10,8 +10,8 @@ import pytest
 from helpers.pair_task import pair
 
 from stlbench.contract import ActionGrid, Array, Environment, Integers, Policy, Training, Transition
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN, DQNPerRobot, Team
 from stlbench_agents.q_learner import GreedyPolicy

@@ -17,7 +17,7 @@ from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, declared, field_docs
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.study.cell import Cell
 from stlbench.study.plan import check_cells, plan_cells
 from stlbench.study.trial import run_cell
@@ -124,7 +124,7 @@ def test_without_torch_and_sb3_all_agents_can_be_listed_and_dqn_trains() -> None
         import sys
         from stlbench.contract import Training
         from stlbench.registry import plugins
-        from stlbench.rollout.environment import BatchEnvironment
+        from stlbench.simulation.environment import BatchEnvironment
         from stlbench.task import build_agent, build_method, load_task
         found = sorted(name for name in plugins.available("agents") if plugins.parameters(plugins.find("agents", name)))
         print(found, {"torch", "stable_baselines3", "mujoco", "gymnasium"} & set(sys.modules))

@@ -18,7 +18,7 @@ if sys.argv[4:] == ["changed"]:
     del numba.core.registry.CPUDispatcher  # a private interface of Numba, on which the fast kernels build
 from stlbench.contract import Training
 from stlbench.registry.choices import choice_of
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.contract.compiled import folder
 

@@ -10,8 +10,8 @@ import pytest
 from helpers.line_task import Probe, line
 
 from stlbench.contract import Training
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.sb3 import SB3DQN, SB3PPO, SB3SAC, SB3TD3, SB3Agent
 from stlbench_agents.sb3_bridge import CopiesVecEnv

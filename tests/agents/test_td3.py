@@ -9,8 +9,8 @@ import pytest
 from helpers.line_task import line
 
 from stlbench.contract import Array, Policy, Training, Transition
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
 from stlbench.task import build_method
 from stlbench_agents.td3 import TD3
 from stlbench_agents.td3_learner import TD3Learner

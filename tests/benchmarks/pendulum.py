@@ -10,7 +10,7 @@ import yaml
 
 from stlbench.contract import Agent, Array, Integers, System, Training
 from stlbench.registry.choices import Choice
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_method
 from stlbench.task.reading import read_task_file
 from stlbench.task.task import Task

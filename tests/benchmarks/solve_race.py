@@ -219,7 +219,7 @@ def solved(entry: Entry, folder: Path) -> dict[str, Any]:
     """
     from stlbench.records import stored
     from stlbench.records.result import Result
-    from stlbench.rollout.referee import record
+    from stlbench.simulation.referee import record
     from stlbench.solver.solution import FINAL, RACE, Solution
     from stlbench.study.policies import load_policy
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.conftest import Race
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import QLearner

@@ -10,7 +10,7 @@ import pytest
 
 import stlbench.gym  # noqa: F401 - registers the tasks
 from benchmarks.conftest import Race
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="environment")

@@ -12,7 +12,7 @@ import stlbench
 from benchmarks.conftest import Race, ratios, without
 from stlbench.contract import GymTask
 from stlbench.registry.choices import Choice
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_method
 from stlbench.task.file import TaskFile
 from stlbench.task.task import Task

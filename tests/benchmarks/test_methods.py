@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.conftest import Race, seconds
 from stlbench.contract import Intractable, RewardMethod, Training
-from stlbench.rollout.environment import BatchEnvironment, Simulator
+from stlbench.simulation.environment import BatchEnvironment, Simulator
 from stlbench.study.fitting import refuse_dear
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.task.task import Task

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.conftest import Race, ratios, without
 from stlbench.contract import GymTask
 from stlbench.registry.choices import Choice
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation.worlds import make_world
 from stlbench.task.file import TaskFile
 from stlbench.task.task import Task
 

@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.conftest import Race
 from stlbench.contract import Policy, Training
-from stlbench.rollout.environment import BatchEnvironment
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
 from stlbench.study.cell import derive_seed
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.task.task import Task

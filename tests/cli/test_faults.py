@@ -80,7 +80,7 @@ np.seterr(all="raise")
 class Leaks(Raw):
     """Changes all that it can reach, and is gone."""
     def along(self, *arguments):
-        from stlbench.rollout import referee
+        from stlbench.simulation import referee
         os.chdir("/")
         os.umask(0o777)
         os.environ["HOME"] = "/nowhere"
@@ -142,7 +142,7 @@ def test_texts_that_nothing_can_show_are_rows_and_the_next_run_goes_on(bad, say)
 
 BRIBES = '''
 from stlbench.records.result import Score
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from toy_plugins.methods import Raw
 
 def score(task, traces, formula=None, lasted=None):

@@ -12,7 +12,7 @@ from helpers.line_task import Probe, Rule, line
 from stlbench.records import array_files
 from stlbench.records.array_files import save_traces
 from stlbench.records.result import MAIN
-from stlbench.rollout.referee import Referee
+from stlbench.simulation.referee import Referee
 
 TRACE = "x,y\n0,1\n1,3\n2,-1\n"
 

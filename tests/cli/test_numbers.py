@@ -17,9 +17,9 @@ from stlbench.records.identity import CellId
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, to_records
 from stlbench.report.figures.margins import worst_table
-from stlbench.rollout.verdicts import Loss
 from stlbench.share.bundle import About
 from stlbench.share.rescored import Bundle, Rescored, bundles_table
+from stlbench.simulation.verdicts import Loss
 from stlbench.study.tuning import Entrant, Trial
 from stlbench.task import load_task
 

@@ -7,7 +7,7 @@ from unittest.mock import patch
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout.baselines import record_controller
+from stlbench.simulation.baselines import record_controller
 from stlbench.task.task import Task
 
 

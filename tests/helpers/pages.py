@@ -10,7 +10,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.report import Report, condense
 from stlbench.report.page import write_page
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 from stlbench.study.plugin_guard import ask, load_guarded
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
@@ -54,7 +54,9 @@ class Page(HTMLParser):
         return self.attributes("aria-label", "article")
 
 
-def write(made: Sequence[Result], missing: Iterable[CellId], standards: Mapping[str, Standard], folder: Path) -> Path:
+def write(
+    made: Sequence[Result], missing: Iterable[CellId], references: Mapping[str, References], folder: Path
+) -> Path:
     """The page of these results."""
     results = {result.id: result for result in made}
-    return write_page(Report(condense(made, missing), standards), results.get, folder, load_guarded, ask)
+    return write_page(Report(condense(made, missing), references), results.get, folder, load_guarded, ask)

@@ -38,8 +38,8 @@ from stlbench.gym import StlVectorEnv
 from stlbench.records.identity import Track
 from stlbench.records.result import Measurement
 from stlbench.registry import choices, named_tasks, plugins
-from stlbench.rollout.referee import race
-from stlbench.rollout.verdicts import EarlyEnds, judge, without_end
+from stlbench.simulation.referee import race
+from stlbench.simulation.verdicts import EarlyEnds, judge, without_end
 from stlbench.study import cell
 from stlbench.study.cell import Recipe, Recipes
 from stlbench.study.plan import plan_cells

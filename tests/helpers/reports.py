@@ -7,17 +7,17 @@ from pathlib import Path
 
 from stlbench import report
 from stlbench.report import Group, Report, Table, Width
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 from stlbench.study.plugin_guard import load_guarded
 
 
 def summary(
-    groups: Sequence[Group], standards: Mapping[str, Standard], recorded: Sequence[Group] | None = None
+    groups: Sequence[Group], references: Mapping[str, References], recorded: Sequence[Group] | None = None
 ) -> tuple[Table, ...]:
-    return Report(groups, standards, recorded).summary
+    return Report(groups, references, recorded).summary
 
 
 def write(
-    groups: Sequence[Group], standards: Mapping[str, Standard], folder: Path, width: Width = "page"
+    groups: Sequence[Group], references: Mapping[str, References], folder: Path, width: Width = "page"
 ) -> list[Path]:
-    return report.write(Report(groups, standards), folder, load_guarded, width)
+    return report.write(Report(groups, references), folder, load_guarded, width)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from stlbench.records.identity import CellId, Track
 from stlbench.records.result import MAIN, CurvePoint, Measurement, Planned, Result, Score, Status
 from stlbench.registry.choices import Choice
-from stlbench.rollout.standards import Likeness, Standard
+from stlbench.simulation.references import Likeness, References
 
 
 def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:
@@ -68,13 +68,13 @@ def result(
     )
 
 
-def by_hand(**robustness: Sequence[float]) -> dict[str, Standard]:
+def by_hand(**robustness: Sequence[float]) -> dict[str, References]:
     """Tasks, with _ for -, of which nothing is known but what their controllers get from the starts."""
-    return {task.replace("_", "-"): Standard(score(values)) for task, values in robustness.items()}
+    return {task.replace("_", "-"): References(score(values)) for task, values in robustness.items()}
 
 
 def alike(task: str, **pairs: Likeness) -> dict[tuple[Choice, Track, frozenset[str]], Likeness]:
-    """For `Standard.alike`: one_other="=" says that these two methods pay the same on the task, on the track shared."""
+    """For `References.alike`: one_other="=" says that these two methods pay the same, on the track shared."""
     return {(Choice(task), "shared", frozenset(names.split("_"))): likeness for names, likeness in pairs.items()}
 
 

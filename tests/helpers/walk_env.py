@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 
 import stlbench
-from stlbench.rollout.gymnasium.wrap import StlWrapper
+from stlbench.simulation.gymnasium.wrap import StlWrapper
 
 LEFT, STAY, RIGHT = np.int64(0), np.int64(1), np.int64(2)
 

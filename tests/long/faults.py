@@ -96,7 +96,7 @@ def leave_threads():
 
 
 def change_all():
-    from stlbench.rollout import referee
+    from stlbench.simulation import referee
     os.chdir("/")
     os.umask(0o777)
     os.environ["HOME"] = "/nowhere"

@@ -13,10 +13,10 @@ pytestmark = pytest.mark.long
 ROOT = Path(__file__).parents[2]
 EDITS = {
     "patience": ("stlbench/study/trial.py", "0.01 * abs(self.best)", "0.2 * abs(self.best)", "harness"),
-    "early ends": ("stlbench/rollout/verdicts.py", "np.arange(1.0, left + 1)", "np.arange(0.0, left)", "harness"),
-    "first round": ("stlbench/rollout/referee.py", "_FIRST = 8", "_FIRST = 4", "harness"),
-    "violated": ("stlbench/rollout/verdicts.py", "min(least, 0.0)", "min(least, -1.0)", "harness"),
-    "referee": ("stlbench/rollout/referee.py", "lasted < stl.horizon", "lasted <= stl.horizon", "harness"),
+    "early ends": ("stlbench/simulation/verdicts.py", "np.arange(1.0, left + 1)", "np.arange(0.0, left)", "harness"),
+    "first round": ("stlbench/simulation/referee.py", "_FIRST = 8", "_FIRST = 4", "harness"),
+    "violated": ("stlbench/simulation/verdicts.py", "min(least, 0.0)", "min(least, -1.0)", "harness"),
+    "referee": ("stlbench/simulation/referee.py", "lasted < stl.horizon", "lasted <= stl.horizon", "harness"),
     "hprs ends": (
         "plugins/stlbench_methods/hprs.py",
         "np.where(over[:-1], 0.0, reached + np.where(over[1:], 0.0, shaping))",

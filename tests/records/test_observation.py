@@ -10,8 +10,8 @@ from helpers.walk_task import WalkTask, walk
 
 from stlbench.errors import UsageError
 from stlbench.records.observation import Observation
-from stlbench.rollout.baselines import Unpaid
-from stlbench.rollout.worlds import observation_of
+from stlbench.simulation.baselines import Unpaid
+from stlbench.simulation.worlds import observation_of
 from stlbench.task import Task, build_method, load_task
 
 

@@ -231,6 +231,6 @@ def test_the_revision_of_an_own_plugin_is_that_of_its_class():
 
 def test_the_harness_is_what_trains_and_scores_and_neither_reports_nor_the_command_line():
     names = {name for name, _ in code_of("stlbench.study.trial").files}
-    assert {"stlbench.rollout.referee", "stlbench.stl.recorded", "stlbench.task.starts"} <= names
+    assert {"stlbench.simulation.referee", "stlbench.stl.recorded", "stlbench.task.starts"} <= names
     others = ("stlbench.cli", "stlbench.report", "stlbench.gate", "stlbench.records.ledger", "stlbench.study.run")
     assert not [name for name in names if f"{name}.".startswith(tuple(f"{other}." for other in others))]

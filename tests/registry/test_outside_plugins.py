@@ -14,7 +14,7 @@ import pytest
 from stlbench.contract import ActionBox, ActionGrid, Array, Integers, RewardMethod
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.rollout.auto import in_turn
+from stlbench.simulation.auto import in_turn
 from stlbench.solver.contestants import contestants
 from stlbench.study.cell import on_track
 from stlbench.study.plan import plan_cells

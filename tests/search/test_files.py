@@ -11,10 +11,10 @@ from helpers.made_subjects import still
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.records.array_files import read_saved
-from stlbench.rollout.trace_table import read_table, times_of
 from stlbench.search import outputs
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write
+from stlbench.simulation.trace_table import read_table, times_of
 
 
 @pytest.fixture(scope="module")

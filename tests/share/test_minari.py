@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from stlbench import stl
 from stlbench.cli import app
-from stlbench.rollout.environment import Simulator
 from stlbench.share.zoo import ZOO
+from stlbench.simulation.environment import Simulator
 from stlbench.study.results import Results
 
 CELL = "integrator-or/raw/dqn/0"

@@ -9,8 +9,8 @@ from helpers import bundles
 
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Score
-from stlbench.rollout.faults import ask_here
 from stlbench.share.rescored import Rescored, read_bundles, rescore
+from stlbench.simulation.faults import ask_here
 
 
 def here(monkeypatch):

@@ -14,11 +14,11 @@ import torch
 from stlbench.contract import Policy
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
-from stlbench.rollout.baselines import Unpaid
-from stlbench.rollout.referee import Referee
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
 from stlbench.share.torch_files import load_state_dict
+from stlbench.simulation.baselines import Unpaid
+from stlbench.simulation.referee import Referee
 from stlbench.task import load_task
 
 SEEN = np.random.default_rng(0).normal(size=(200, 4))

@@ -14,9 +14,9 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.records.array_files import Assessment, save_traces
 from stlbench.records.result import MAIN
-from stlbench.rollout.referee import Referee
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source, load_traces
+from stlbench.simulation.referee import Referee
 from stlbench.task import Task
 
 RULES = ("hold", "violated", "interval")

@@ -22,11 +22,11 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
 from stlbench.registry.choices import Choice
-from stlbench.rollout.baselines import Unpaid
-from stlbench.rollout.environment import Simulator
-from stlbench.rollout.gymnasium.wrap import StlWrapper
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
+from stlbench.simulation.baselines import Unpaid
+from stlbench.simulation.environment import Simulator
+from stlbench.simulation.gymnasium.wrap import StlWrapper
 from stlbench.task import Task, load_task
 
 FORMULA = "F[0,25] G[0,14] c >= 0 & G[0,40] abs(omega) <= 7"

@@ -15,11 +15,11 @@ from solver.conftest import FORMULA, POINT
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.rollout.baselines import in_pieces, replay
-from stlbench.solver.posed import pose
+from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
 from stlbench.solver.tries import check_speed
+from stlbench.solver.workspace import pose
 from stlbench.task import load_task
 from stlbench.task.gym_sketch import sketch
 
@@ -35,7 +35,7 @@ def test_each_problem_has_a_folder_of_its_own() -> None:
 
 def test_the_task_file_of_an_environment() -> None:
     signals = {"theta": "atan2(obs[1], obs[0])"}
-    posed = pose(
+    workspace = pose(
         Problem("Pendulum-v1", "G[2,5] abs(theta) <= 0.2 & F[0,10] omega > 1", signals, "seconds"), Path("out")
     )
     content = yaml.safe_load(Path("out/task/task.yaml").read_text())
@@ -45,10 +45,10 @@ def test_the_task_file_of_an_environment() -> None:
     assert content["terminated"] == "hold"
     assert content["signals"]["theta"] == {"low": -3.142, "high": 3.142, "expression": "atan2(y, x)"}
     assert content["signals"]["omega"] == {"low": -8.0, "high": 8.0}
-    assert posed.notes == ()
-    note = posed.search(600)
+    assert workspace.notes == ()
+    note = workspace.search(600)
     assert re.match("no witness was found: [0-9]+ episodes of held actions", str(note))
-    assert (posed.notes, posed.search(600)) == ((note,), None)
+    assert (workspace.notes, workspace.search(600)) == ((note,), None)
     long = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
     assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
 
@@ -65,15 +65,15 @@ def test_signals_from_the_info() -> None:
 
 @pytest.mark.usefixtures("made")
 def test_words_in_an_observation_are_left_out() -> None:
-    posed = pose(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
-    assert posed.task.source.observed.size == 1
-    assert posed.task.source.observed.flat({"place": np.array([0.5]), "word": "go"}).tolist() == [0.5]
+    workspace = pose(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
+    assert workspace.task.source.observed.size == 1
+    assert workspace.task.source.observed.flat({"place": np.array([0.5]), "word": "go"}).tolist() == [0.5]
 
 
 @pytest.mark.usefixtures("made")
 def test_a_witness_is_kept_and_satisfies() -> None:
-    posed = pose(Problem(POINT, "F[0,29] abs(place0) <= 0.1"), Path("out"))
-    assert "a witness exists" in str(posed.search(600))
+    workspace = pose(Problem(POINT, "F[0,29] abs(place0) <= 0.1"), Path("out"))
+    assert "a witness exists" in str(workspace.search(600))
     found = json.loads(Path("out/witness.json").read_text())
     env = gymnasium.make(POINT)
     place = env.reset(seed=int(found["start"][0]))[0]["place"][0]
@@ -88,12 +88,12 @@ def test_a_witness_is_kept_and_satisfies() -> None:
 @pytest.mark.usefixtures("made")
 def test_witnesses_give_a_schedule_that_they_satisfy() -> None:
     formula = "F[0,15] (x >= 0.5 & F[0,14] x <= 0)"
-    posed = pose(Problem(POINT, formula, {"x": "obs[place][0]"}), Path("out"))
-    assert "a witness exists" in str(posed.search(600))
-    schedule = posed.task.file.schedules["witness"]
-    assert [str(choice) for choice in posed.choices] == ["task[schedule=witness]", "task"]
-    assert load_task(posed.choices[0]).file.followed == schedule != posed.task.file.followed
-    task, found = posed.task, json.loads(Path("out/witness.json").read_text())
+    workspace = pose(Problem(POINT, formula, {"x": "obs[place][0]"}), Path("out"))
+    assert "a witness exists" in str(workspace.search(600))
+    schedule = workspace.task.file.schedules["witness"]
+    assert [str(choice) for choice in workspace.choices] == ["task[schedule=witness]", "task"]
+    assert load_task(workspace.choices[0]).file.followed == schedule != workspace.task.file.followed
+    task, found = workspace.task, json.loads(Path("out/witness.json").read_text())
     actions = np.array(found["actions"])[in_pieces(task.file.steps // task.file.hold, len(found["actions"]))]
     trace = replay(task, actions[None], np.array([found["start"]])).traces
     assert stl.satisfied(schedule, trace, task.signals).all()

@@ -15,12 +15,12 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
-from stlbench.rollout.auto import PATIENCE, automatic
+from stlbench.simulation.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, along, best_first, contestants
 from stlbench.solver.outlook import Outlook
-from stlbench.solver.posed import TASK, pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
+from stlbench.solver.workspace import TASK, pose
 from stlbench.task import load_task
 
 
@@ -66,12 +66,12 @@ def gone_on(monkeypatch: pytest.MonkeyPatch, satisfied: dict[int, int], lost: in
         "stlbench.solver.race.outlook",
         lambda folder, result, starts: Outlook(100, satisfied.get(result.id.seed, 50), lost),
     )
-    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-    posed.begin(10.0)
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
-    trainer = Trainer(posed, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
+    trainer = Trainer(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
     improved = trainer.improve(first)
-    assert posed.state["chosen"] == improved[0].key
+    assert workspace.state["chosen"] == improved[0].key
     assert [each.id.seed for each in improved if each.key == improved[0].key] == [improved[0].id.seed]
     return played, [each.id.seed for each in improved]
 
@@ -98,9 +98,9 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
 
 
 def raced(minutes: float, jobs: int = 1) -> list[Result]:
-    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-    posed.begin(minutes)
-    trainer = Trainer(posed, Clock(minutes), lambda text: None, False, jobs=jobs)
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(minutes)
+    trainer = Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=jobs)
     winner = trainer.race()
     return best_first(trainer.final(winner), [winner])
 
@@ -171,11 +171,11 @@ def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(("jobs", "seeds"), [(1, [200]), (2, [200, 201])])
 def test_trainings_that_run_side_by_side_all_end(monkeypatch: pytest.MonkeyPatch, jobs: int, seeds: list[int]) -> None:
     played = Played(monkeypatch, {})
-    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-    posed.begin(3.0)
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(3.0)
     (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
     played.now = 120.0  # the delivery begins at 144
-    Trainer(posed, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
+    Trainer(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
     assert [cell[3] for cell in played.cells[1:]] == seeds
 
 
@@ -183,12 +183,12 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
     played, planned = Played(monkeypatch, {}), dict[float, float]()
     for minutes in (3.0, 4.0):
         played.now = 0.0
-        posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-        posed.begin(minutes)
+        workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+        workspace.begin(minutes)
         (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
         cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
-        Trainer(posed, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
-        seconds = posed.task.budget("final").seconds
+        Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
+        seconds = workspace.task.budget("final").seconds
         assert seconds is not None
         planned[minutes] = seconds
     assert planned[3.0] > 1.2 * planned[4.0]
@@ -219,9 +219,9 @@ def test_who_races_by_another_schedule() -> None:
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    posed = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("out"))
+    workspace = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("out"))
     own = {"causation": plugins.find("methods", "causation")}
     available = plugins.available
     monkeypatch.setattr(plugins, "available", lambda kind: own if kind == "methods" else available(kind))
     with pytest.raises(UsageError, match=r"^no method fits the formula F\[0,20\] .*; causation: it takes G"):
-        contestants(posed.task, 3.0)
+        contestants(workspace.task, 3.0)

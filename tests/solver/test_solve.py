@@ -20,14 +20,14 @@ from typer.testing import CliRunner
 import stlbench
 from stlbench.cli import app
 from stlbench.errors import UsageError
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from stlbench.solver.contestants import Contestant, rank
 from stlbench.solver.deliver import sentence
 from stlbench.solver.outlook import outlook
-from stlbench.solver.posed import pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.solution import Solution
 from stlbench.solver.start import Start
+from stlbench.solver.workspace import pose
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
 
@@ -120,11 +120,11 @@ def test_what_draws_does_not_complain_of_a_missing_display(tmp_path: Path) -> No
 
 def small(environment: str, formula: str | None, **signals: str) -> None:
     """Pose a problem, and choose methods and budgets of seconds, as a user may who edits the files."""
-    posed = pose(Problem(environment, formula, signals), Path("out"))
-    posed.begin(15.0)
+    workspace = pose(Problem(environment, formula, signals), Path("out"))
+    workspace.begin(15.0)
     for name in ("probe", "rung-1", "final"):
-        posed.budget(name, steps=640, seeds=1, deadline=300.0, checkpoints=2, random_starts=0)
-    posed.remember(methods=["funnel", "raw"])
+        workspace.budget(name, steps=640, seeds=1, deadline=300.0, checkpoints=2, random_starts=0)
+    workspace.remember(methods=["funnel", "raw"])
 
 
 def test_a_certificate_in_words() -> None:
@@ -220,9 +220,9 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
 
 
 def test_another_solve_starts_from_the_policy_of_a_solution_or_says_why_not() -> None:
-    posed = pose(Problem("CartPole-v1", HARD), Path("out"))
-    posed.budget("probe", steps=640, seeds=1, deadline=300.0, checkpoints=1, random_starts=0)
-    study = {"tasks": [posed.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
+    workspace = pose(Problem("CartPole-v1", HARD), Path("out"))
+    workspace.budget("probe", steps=640, seeds=1, deadline=300.0, checkpoints=1, random_starts=0)
+    study = {"tasks": [workspace.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
     (result,) = run_study(**study, results="out/race", jobs=1)
     seen = outlook(Path("out/race"), result, 200)
     assert 20 <= seen.lost <= 60  # theta begins between -0.05 and 0.05, and may not be beyond 0.04
@@ -236,7 +236,7 @@ def test_another_solve_starts_from_the_policy_of_a_solution_or_says_why_not() ->
     Path("out/certificate.json").write_text(json.dumps({"cell": result.id.name, "budget": "probe"}))
     start = Start.of(Path("out"))
     assert start.trained_by == Contestant("raw", "dqn")
-    start.check(posed.task)
+    start.check(workspace.task)
     (again,) = run_study(**study, init=start.path, results="again", jobs=1)
     assert str(again.id.agent) == f"dqn[init={start.digest[:16]}]"
     assert Contestant.of(again) == start.trained_by
@@ -259,10 +259,10 @@ def interrupt(*args: Any, **options: Any) -> Results:
 
 def test_other_minutes_have_other_budgets() -> None:
     small("CartPole-v1", FORMULA)
-    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
-    posed.begin(2.0)
-    assert set(posed.task.file.budgets) == {"probe"}
-    assert posed.state["methods"] is None
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(2.0)
+    assert set(workspace.task.file.budgets) == {"probe"}
+    assert workspace.state["methods"] is None
 
 
 @pytest.mark.usefixtures("made")
@@ -270,9 +270,11 @@ def test_other_minutes_have_other_budgets() -> None:
 @pytest.mark.parametrize("environment", [POINT, "hold-disc"])
 def test_a_policy_acts_as_the_referee_lets_it(environment: str, method: str) -> None:
     formula = "F[0,16] G[0,8] d <= 0.5" if environment == POINT else None
-    posed = pose(Problem(environment, formula, DISTANCE if environment == POINT else {}), Path("out"))
-    posed.budget("probe", steps=64 * posed.task.file.hold, seeds=1, deadline=300.0, checkpoints=1, random_starts=0)
-    study = {"tasks": [posed.task.choice], "methods": [method], "seeds": [0], "budget": "probe", "track": "auto"}
+    workspace = pose(Problem(environment, formula, DISTANCE if environment == POINT else {}), Path("out"))
+    workspace.budget(
+        "probe", steps=64 * workspace.task.file.hold, seeds=1, deadline=300.0, checkpoints=1, random_starts=0
+    )
+    study = {"tasks": [workspace.task.choice], "methods": [method], "seeds": [0], "budget": "probe", "track": "auto"}
     (result,) = run_study(**study, results="cells", jobs=1)
     assert result.measurement is not None, result.reason
     loaded = Results.load("cells").policy(result.id)
@@ -308,10 +310,10 @@ def _played(policy: Any, start: Any) -> Any:
 
 
 def test_a_training_ends_at_the_first_checkpoint_after_its_seconds() -> None:
-    posed = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
     budget = {"steps": 2560, "seeds": 1, "deadline": 300.0, "checkpoints": 10, "random_starts": 0}
-    posed.budget("probe", **budget, seconds=1e-9)
-    study = {"tasks": [posed.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
+    workspace.budget("probe", **budget, seconds=1e-9)
+    study = {"tasks": [workspace.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
     (result,) = run_study(**study, results="cells", jobs=1)
     assert result.measurement is not None, result.reason
     assert result.measurement.env_steps == 256

@@ -19,10 +19,10 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.solver.posed import Posed, pose
 from stlbench.solver.problem import Problem
 from stlbench.solver.run import solve
 from stlbench.solver.solution import Solution
+from stlbench.solver.workspace import Workspace, pose
 
 FACTS = {"cell": "task/raw/dqn/0", "budget": "final"}
 
@@ -61,7 +61,7 @@ def posed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def again(posed: Path, environment: str, change: Any = None) -> Posed:
+def again(posed: Path, environment: str, change: Any = None) -> Workspace:
     """Go on in such a folder, after the stranger has changed it."""
     shutil.copytree(posed / environment, "out")
     if change is not None:

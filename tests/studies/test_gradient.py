@@ -11,7 +11,7 @@ from scipy.linalg import solve_discrete_are
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
-from stlbench.rollout import baselines
+from stlbench.simulation import baselines
 from stlbench.task import Task, load_task
 
 FOUND, SMOOTH = load("gradient"), load("smooth")

@@ -7,7 +7,7 @@ import pytest
 from helpers.studies import load
 
 from stlbench.contract import ActionGrid
-from stlbench.rollout import baselines
+from stlbench.simulation import baselines
 from stlbench.task import load_task
 
 HELD = load("held")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers.studies import load
 
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.referee import Recording
 from stlbench.task import load_task
 
 ROOT = Path(__file__).parents[2]

@@ -16,7 +16,7 @@ from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import parse_choices
 from stlbench.study import trial
 from stlbench.study.cell import Cell
-from stlbench.study.credibility import Examiner, contradiction
+from stlbench.study.credibility import ConsistencyCheck, contradiction
 from stlbench.study.plan import plan_cells
 from stlbench.task import load_task
 
@@ -45,7 +45,7 @@ def test_an_honest_cell_is_believed_and_one_without_a_measurement_says_nothing(
     found, folder = honest
     assert contradiction(cell, found, folder) is None
     assert contradiction(cell, result(status="unsuitable"), folder) is None
-    with Examiner([cell], folder) as examined:
+    with ConsistencyCheck([cell], folder) as examined:
         assert examined(cell, found) is found
 
 
@@ -70,7 +70,7 @@ def test_traces_from_elsewhere(cell: Cell, honest: tuple[Result, Path], tmp_path
     fewer = (still[:3], "traces from 3 starts, and its row says 64")
     for samples, said in ((still, "do not begin at the report's starts"), fewer):
         save_samples(path, samples, task.signals)
-        with Examiner([cell], tmp_path) as examined:
+        with ConsistencyCheck([cell], tmp_path) as examined:
             failed = examined(cell, found)
         assert (failed.status, failed.key, failed.measurement) == ("raised", cell.key, None)
         assert said in failed.reason

@@ -10,7 +10,7 @@ from PIL import Image
 from stlbench.errors import UsageError
 from stlbench.records.array_files import Film
 from stlbench.registry.choices import Choice
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.referee import Recording
 from stlbench.study import film
 from stlbench.task import load_task
 from stlbench.task.task import Task

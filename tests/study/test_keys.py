@@ -84,7 +84,7 @@ def test_the_cell_knows_the_files_of_its_code():
     cell = planned()
     names = {name for code in cell.code for name, _ in code.files}
     assert {
-        "stlbench.rollout.referee",
+        "stlbench.simulation.referee",
         "stlbench_methods.raw",
         "stlbench_agents.dqn",
         "stlbench_tasks.hold_disc",

@@ -15,8 +15,8 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.margins import bands_of
 from stlbench.report.figures.regions import UNKNOWN, scale_of_task
-from stlbench.rollout.faults import Unanswered, ask_here
-from stlbench.rollout.standards import at_random, by_hand, payment, standards
+from stlbench.simulation.faults import Unanswered, ask_here
+from stlbench.simulation.references import at_random, by_hand, payment, references
 from stlbench.study import plugin_guard
 
 METHODS = """
@@ -62,7 +62,7 @@ def bad(site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
 def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None, capfd: pytest.CaptureFixture[str]) -> None:
     methods = ["raw", *(f"zz-{name}" for name in QUICK)]
     with pytest.warns(plugins.PluginWarning) as told:
-        found = standards(
+        found = references(
             (Setting(Choice("hold-disc"), Choice(method), Choice("dqn"), "quick") for method in methods),
             plugin_guard.ask,
         )["hold-disc"]
@@ -128,7 +128,7 @@ def tasks(site: Callable[..., Path]) -> None:
 def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> None:
     names = ("good", "gone", "torn", "left")
     with pytest.warns(plugins.PluginWarning) as told:
-        found = standards(
+        found = references(
             (Setting(Choice(f"zz-{name}"), Choice("raw"), Choice("dqn"), "smoke") for name in names), plugin_guard.ask
         )
     assert [(name, known.by_hand is not None, known.at_random is not None) for name, known in found.items()] == [

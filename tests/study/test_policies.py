@@ -15,7 +15,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import MAIN, Result, from_json, to_json
 from stlbench.registry.choices import parse_choices
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from stlbench.study import trial
 from stlbench.study.cell import Cell, Recipe
 from stlbench.study.plan import plan_cells

@@ -15,7 +15,7 @@ from stlbench.records.result_files import LINES
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.code_changes import run_checked
-from stlbench.study.plan import Checked, warm
+from stlbench.study.plan import Checked, preload
 from stlbench.study.run import run_cells
 from stlbench.study.scheduler import build_executor
 
@@ -166,7 +166,7 @@ def test_cells_are_run_by_the_trial_and_the_executor_is_told_what_to_load_and_wh
         run_checked,
         {"run_cell": trial.run_cell, "folder": tmp_path},
     )
-    assert (work.prepare.func, work.prepare.args) == (warm, (cells[:1],))
+    assert (work.prepare.func, work.prepare.args) == (preload, (cells[:1],))
     assert work.log(cells[1]) == tmp_path / "logs" / "task_a_agent_1_key-1.log"
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from stlbench.contract import Array
 from stlbench.stl import Formula, margin, parse, satisfied
 from stlbench.task.derived import can_fall, derived
-from stlbench.task.forms import regular, scale, windows
+from stlbench.task.forms import normal_form, scale, windows
 
 BOX = {"x": (-3.0, 3.0), "y": (-3.0, 3.0), "z": (-3.0, 3.0)}
 NAMES = tuple(BOX)
@@ -52,7 +52,7 @@ def test_the_same_traces_satisfy_it(formula: Formula, seed: int) -> None:
 @given(formulas(PREDICATES, longest=3, constants=False, past=False), st.integers(0, 2**32 - 1))
 def test_what_satisfies_a_formula_satisfies_what_the_track_auto_derives(formula: Formula, seed: int) -> None:
     batch = traces(30, seed, (20,))
-    changed = _derived(regular(formula), batch[:, 0])
+    changed = _derived(normal_form(formula), batch[:, 0])
     assert (satisfied(changed, batch, NAMES) >= satisfied(formula, batch, NAMES)).all()
 
 
@@ -60,7 +60,7 @@ def test_what_satisfies_the_derived_form_of_an_alternative_may_not_satisfy_the_f
     """At either step another of the two holds."""
     formula = parse("F[0,0] (G[0,1] x >= 1 | G[0,1] x <= -1)")
     trace = np.array([[[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0]]])
-    assert satisfied(_derived(regular(formula), trace[:, 0]), trace, NAMES).all()
+    assert satisfied(_derived(normal_form(formula), trace[:, 0]), trace, NAMES).all()
     assert not satisfied(formula, trace, NAMES).any()
 
 

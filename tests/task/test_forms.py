@@ -1,4 +1,4 @@
-"""The regular form: by hand, and what its traces satisfy."""
+"""The normal form: by hand, and what its traces satisfy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.stl import Formula, parse, robustness
-from stlbench.task.forms import regular
+from stlbench.task.forms import normal_form
 
 NAMES = ("x", "y", "z")
 
@@ -33,7 +33,7 @@ NAMES = ("x", "y", "z")
     ],
 )
 def test_by_hand(formula: str, expected: str, same: bool) -> None:
-    assert regular(parse(formula)) == parse(expected)
+    assert normal_form(parse(formula)) == parse(expected)
     batch = traces(20, 0, (200,))
     own, other = (robustness(parse(text), batch, NAMES) for text in (formula, expected))
     assert (other >= own).all()
@@ -43,5 +43,5 @@ def test_by_hand(formula: str, expected: str, same: bool) -> None:
 @given(formulas(longest=3, past=False), st.integers(0, 2**32 - 1))
 def test_what_satisfies_a_formula_satisfies_its_form(formula: Formula, seed: int) -> None:
     batch = traces(25, seed, (10,))
-    own, other = (robustness(each, batch, NAMES) for each in (formula, regular(formula)))
+    own, other = (robustness(each, batch, NAMES) for each in (formula, normal_form(formula)))
     assert ((other >= own) | np.isnan(own)).all()

@@ -12,7 +12,7 @@ from helpers.walk_task import walk
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.parallel import parallel_env
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation.worlds import make_world
 from stlbench.task.gym_make import JointEnv, made
 
 

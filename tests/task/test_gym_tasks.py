@@ -18,7 +18,7 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import code_of
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation.worlds import make_world
 from stlbench.study.cell import on_track, task_part
 from stlbench.study.plan import plan_cells
 from stlbench.task import gym_make, load_task

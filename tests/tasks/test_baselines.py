@@ -11,7 +11,7 @@ from helpers.studies import load
 
 from stlbench.cli.run import DEFAULTS
 from stlbench.registry import plugins
-from stlbench.rollout import baselines
+from stlbench.simulation import baselines
 from stlbench.task import Task, load_task
 
 ROOT = Path(__file__).parents[2]

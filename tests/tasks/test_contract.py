@@ -11,7 +11,7 @@ from helpers.controlled_traces import all_starts, trace
 from helpers.task_lists import TASKS
 
 from stlbench import stl
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from stlbench.task import load_task
 from stlbench.testing import check_task
 from stlbench_tasks.differential_drive import DifferentialDrive

@@ -11,7 +11,7 @@ from helpers.studies import load
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from stlbench.task import load_task, starts
 
 TASK = load_task("either-or")

@@ -10,7 +10,7 @@ from helpers.controlled_traces import all_starts, trace
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
-from stlbench.rollout import referee
+from stlbench.simulation import referee
 from stlbench.task import load_task
 
 TASK = load_task("formation")

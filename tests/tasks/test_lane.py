@@ -10,7 +10,7 @@ import pytest
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation.worlds import make_world
 from stlbench.task import load_task
 from stlbench_methods.flag import Flag
 

@@ -8,8 +8,8 @@ import pytest
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.worlds import make_world
+from stlbench.simulation import baselines, referee
+from stlbench.simulation.worlds import make_world
 from stlbench.task import build_method, load_task
 
 pytest.importorskip("Box2D", reason="the extra field is not installed")

@@ -10,7 +10,7 @@ from helpers.task_lists import PAPER, TASKS
 from stlbench.contract import ActionGrid
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.rollout.baselines import constants
+from stlbench.simulation.baselines import constants
 from stlbench.study.cell import on_track, own_agent_on
 from stlbench.study.study import Study
 from stlbench.task import load_task

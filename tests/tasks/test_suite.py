@@ -12,9 +12,9 @@ from helpers.studies import load
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.rollout import baselines, referee
-from stlbench.rollout.auto import automatic
-from stlbench.rollout.baselines import replay
+from stlbench.simulation import baselines, referee
+from stlbench.simulation.auto import automatic
+from stlbench.simulation.baselines import replay
 from stlbench.task import Task, fitting_methods, load_task
 from stlbench.task.task import agent_for
 from stlbench_tasks.suite import FormulaSuite, templates

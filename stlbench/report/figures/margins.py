@@ -26,9 +26,9 @@ from stlbench.report.figures.regions import parts, rewarded_terms, robustness_un
 from stlbench.report.figures.style import BOUNDS, MARK, SINGLE, TRACE, now, styled
 from stlbench.report.figures.trajectories import signals_in_time, trajectories
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.rollout.faults import Ask, Question, answers
-from stlbench.rollout.referee import Recording, gather, load
-from stlbench.rollout.verdicts import Loss, first_loss, last_step, reason
+from stlbench.simulation.faults import Ask, Question, answers
+from stlbench.simulation.referee import Recording, gather, load
+from stlbench.simulation.verdicts import Loss, first_loss, last_step, reason
 from stlbench.stl import Term
 from stlbench.task import build_method
 from stlbench.task.task import Task, load_task

@@ -24,8 +24,8 @@ from stlbench.report.figures.style import Colours, pages
 from stlbench.report.figures.trajectories import PLANS_PER_FIGURE, TRACES_PER_PANEL, Plan, planned, trajectories
 from stlbench.report.tables.rows import Group, Maximised, Row, group, maximised, row, split
 from stlbench.report.tables.yardsticks import RECIPE, RESOLUTION, setting_text
-from stlbench.rollout.faults import Ask
-from stlbench.rollout.referee import Recording, gather, load
+from stlbench.simulation.faults import Ask
+from stlbench.simulation.referee import Recording, gather, load
 from stlbench.task.task import Task
 
 Tell = Callable[[str], None]

@@ -20,7 +20,7 @@ from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import parts, region, signal_label, time_label
 from stlbench.report.figures.style import TRACE, now, styled, term_style
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.referee import Recording
 from stlbench.task.task import Task
 
 READ = "0.92"  # the grey of the steps at which a part of the formula is read

@@ -147,8 +147,8 @@ def fields(groups: Iterable[Group], known: Known) -> tuple[Field, ...]:
     """
     by_kind = dict[tuple[str, str], list[Contest]]()
     for (task, agent, budget, track), contest in contests(groups).items():
-        standard = known.standards.get(task.name)
-        own = standard is not None and not task.parameters and str(agent) == standard.own_agent
+        reference = known.references.get(task.name)
+        own = reference is not None and not task.parameters and str(agent) == reference.own_agent
         if own and len(contest) > 1 and _scale(task, known):
             by_kind.setdefault((budget, track), []).append(contest)
     return tuple(field for key, members in sorted(by_kind.items()) for field in _fields(*key, members, known))
@@ -156,12 +156,12 @@ def fields(groups: Iterable[Group], known: Known) -> tuple[Field, ...]:
 
 def _scale(task: Choice, known: Known) -> tuple[float, float] | None:
     """Robustness at random and at best."""
-    at_random, top = known.standards[task.name].at_random, known.level(task)
+    at_random, top = known.references[task.name].at_random, known.level(task)
     return (at_random.mean, top) if at_random and top is not None and at_random.mean < top else None
 
 
 def _fields(budget: str, track: str, members: Sequence[Contest], known: Known) -> Iterator[Field]:
-    hard = [contest for contest in members if not known.standards[contest[0].setting.task.name].trivial] or members
+    hard = [contest for contest in members if not known.references[contest[0].setting.task.name].trivial] or members
     tried = set.intersection(*({group.setting.method for group in contest} for contest in members))
     methods = sorted({group.setting.method for contest in hard for group in contest if group.done} & tried)
     common = [contest for contest in hard if all(group.done for group in contest if group.setting.method in methods)]
@@ -172,7 +172,7 @@ def _fields(budget: str, track: str, members: Sequence[Contest], known: Known) -
             parts = ["not trivial"] * (count <= len(hard) < len(members)) + ["all methods fit"] * (count < len(hard))
             name = ", ".join([f"{count} of {len(members)}", *parts]) if parts else f"all {count}"
             entries = tuple(_entry(method, contests_of, known) for method in methods)
-            of_tasks = tuple(known.standards[contest[0].setting.task.name].groups for contest in contests_of)
+            of_tasks = tuple(known.references[contest[0].setting.task.name].groups for contest in contests_of)
             yield Field(budget, track, tasks, name, entries, of_tasks if all(of_tasks) else ())
 
 

@@ -227,7 +227,7 @@ def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) 
     """
     rows = contests(groups).values()
     columns: dict[Column, Callable[[Contest], Value]] = shared_columns(lambda contest: contest[0])
-    if any(standard.by_hand for standard in known.standards.values()):
+    if any(reference.by_hand for reference in known.references.values()):
         columns[Column("by hand", digits=3)] = lambda contest: known.by_hand(contest[0].setting.task)
     if known.best:
         columns[Column("best known", digits=3)] = lambda contest: known.best.get(contest[0].setting.task)

@@ -17,22 +17,22 @@ from stlbench.report.tables.table import Column, Table, Value
 from stlbench.statistics.intervals import mean
 
 if TYPE_CHECKING:
-    from stlbench.rollout.standards import Standard
+    from stlbench.simulation.references import References
 
 
 @dataclass(frozen=True)
 class Known:
     """The facts known of tasks without the results."""
 
-    standards: Mapping[str, Standard] = field(default_factory=dict)
+    references: Mapping[str, References] = field(default_factory=dict)
     """The scores of a task's controller and baselines, by the task's name."""
     best: Mapping[Choice, float] = field(default_factory=dict)
     """The best known robustness (`best_known`) of the formula of each task, or ablation of one."""
 
     def by_hand(self, task: Choice) -> float | None:
         """The mean robustness of the task's controller; an ablation has its task's controller."""
-        standard = self.standards.get(task.name)
-        return standard.by_hand.mean if standard and standard.by_hand else None
+        reference = self.references.get(task.name)
+        return reference.by_hand.mean if reference and reference.by_hand else None
 
     def level(self, task: Choice) -> float | None:
         """The best known robustness of a task, or else its controller's."""
@@ -45,14 +45,14 @@ class Known:
 
     def likeness(self, one: Setting, other: Setting) -> str | None:
         """How the methods of two settings pay the same: "=", "~", or None if they do not."""
-        standard = self.standards.get(one.task.name)
-        return standard.likeness(one, other) if standard else None
+        reference = self.references.get(one.task.name)
+        return reference.likeness(one, other) if reference else None
 
 
 _Formula = tuple[str, bool]
 
 
-def best_known(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Choice, float]:
+def best_known(groups: Sequence[Group], references: Mapping[str, References]) -> dict[Choice, float]:
     """Task, or ablation of one -> the best known robustness of its formula, if anybody searched for it.
 
     The task file states it, or a plan for the formula reached it. Plans for a reward and the controller can reach
@@ -65,12 +65,12 @@ def best_known(groups: Sequence[Group], standards: Mapping[str, Standard]) -> di
         if value is not None and plans is not None:
             known, formula = best if plans == "formula" else reached, _formula(group.setting.task)
             known[formula] = max(value, known.get(formula, value))
-    for name, standard in standards.items():
-        if standard.best_known is not None:
-            stated = standard.best_known.robustness
+    for name, reference in references.items():
+        if reference.best_known is not None:
+            stated = reference.best_known.robustness
             best[name, False] = max(stated, best.get((name, False), stated))
-        if standard.by_hand is not None:
-            reached[name, False] = max(standard.by_hand.mean, reached.get((name, False), -math.inf))
+        if reference.by_hand is not None:
+            reached[name, False] = max(reference.by_hand.mean, reached.get((name, False), -math.inf))
     best = {formula: max(value, reached.get(formula, value)) for formula, value in best.items()}
     tasks = {group.setting.task for group in groups}
     return {task: best[_formula(task)] for task in tasks if _formula(task) in best}
@@ -81,14 +81,14 @@ def _formula(task: Choice) -> _Formula:
     return task.name, "hold" in dict(task.parameters).get("without", "").split("+")
 
 
-_Columns = Mapping[Column, Callable[["Standard"], Value]]
+_Columns = Mapping[Column, Callable[["References"], Value]]
 
 
-def _if_known(part: str, name: str, factor: float = 1) -> Callable[[Standard], Value]:
-    """A number of a part of the standard; None without the part."""
+def _if_known(part: str, name: str, factor: float = 1) -> Callable[[References], Value]:
+    """A number of a part of the reference; None without the part."""
 
-    def value(standard: Standard) -> Value:
-        known = getattr(standard, part)
+    def value(reference: References) -> Value:
+        known = getattr(reference, part)
         number = None if known is None else getattr(known, name)
         return None if number is None else factor * number
 
@@ -136,11 +136,11 @@ _PARTS: Mapping[str, tuple[_Columns, str]] = {
 """The things that some task must have: the columns that there are then, and a note."""
 
 
-def controllers_table(standards: Mapping[str, Standard]) -> Table:
+def controllers_table(references: Mapping[str, References]) -> Table:
     """The scores of controllers and baselines, and the best known: one row for each task that has any of it."""
-    known = [(task, each) for task, each in standards.items() if any(getattr(each, part) for part in _PARTS)]
+    known = [(task, each) for task, each in references.items() if any(getattr(each, part) for part in _PARTS)]
     parts = [content for part, content in _PARTS.items() if any(getattr(each, part) for _, each in known)]
-    columns: dict[Column, Callable[[tuple[str, Standard]], Value]] = {
+    columns: dict[Column, Callable[[tuple[str, References]], Value]] = {
         Column("task", right=False, shared=True): lambda row: row[0],
         **{
             column: lambda row, value=value: value(row[1])  # type: ignore[misc]
@@ -192,7 +192,7 @@ def _difference(larger: float | None, smaller: float | None) -> float | None:
 
 
 def align(
-    groups: Sequence[Group], standards: Mapping[str, Standard], shown: Iterable[Group] | None = None
+    groups: Sequence[Group], references: Mapping[str, References], shown: Iterable[Group] | None = None
 ) -> tuple[Aligned, ...]:
     """A row for each task, method and setting that was planned for; rows of the formula come first.
 
@@ -201,7 +201,7 @@ def align(
     """
     wanted = {group.setting for group in (groups if shown is None else shown)}
     learned, planned = split(groups)
-    planners, known = maximised(planned), Known(standards, best_known(groups, standards))
+    planners, known = maximised(planned), Known(references, best_known(groups, references))
     together = dict[tuple[str, str, bool, str, str], list[Group]]()
     for group in planned:
         task, agent = group.setting.task, group.setting.agent
@@ -270,8 +270,8 @@ def _learned(plan: Group, learned: Sequence[Group], known: Known) -> Group | Non
 
     Among several budgets the plan's counts, else the largest.
     """
-    setting, standard = plan.setting, known.standards.get(plan.setting.task.name)
-    own_agent = standard.own_agent if standard else None
+    setting, reference = plan.setting, known.references.get(plan.setting.task.name)
+    own_agent = reference.own_agent if reference else None
     same = [
         group
         for group in learned

@@ -17,7 +17,7 @@ from stlbench.report.figures.methods import learning_curves, overview, robustnes
 from stlbench.report.figures.regions import Scale
 from stlbench.report.figures.style import colours_of
 from stlbench.report.figures.trajectories import trajectories
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.referee import Recording
 from stlbench.task import build_method, load_task
 
 METHODS = ("flag", "funnel[variant=code,ginf=0.02]", "raw", "tau-mdp")

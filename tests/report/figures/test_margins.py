@@ -11,7 +11,7 @@ from stlbench.contract.presentation import Band
 from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.margins import BAND_ELSEWHERE, ONE_TRACE, robustness_in_time
 from stlbench.report.figures.style import BOUNDS, TRACE
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.referee import Recording
 
 TWO = "F[1,3] x >= 2 & G[5,7] x <= 1"
 

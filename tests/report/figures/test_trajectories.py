@@ -12,7 +12,7 @@ from stlbench.errors import UsageError
 from stlbench.report.figures.regions import region
 from stlbench.report.figures.style import TRACE, term_style
 from stlbench.report.figures.trajectories import Plan, planned, trajectories
-from stlbench.rollout.referee import Recording
+from stlbench.simulation.referee import Recording
 from stlbench.task import load_task
 
 GRID = np.linspace(0, 4, 81)

@@ -11,10 +11,10 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.yardsticks import Known
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 
 TASKS = ("one", "two", "three", "four")
-STANDARDS = {task: Standard(score((1.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}
+STANDARDS = {task: References(score((1.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}
 """Robustness -1 is 0 on the scale, and 1 is 1."""
 
 

@@ -13,10 +13,10 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.rows import split
 from stlbench.report.tables.yardsticks import Aligned, align, alignment_table, best_known
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 from stlbench.task.file import BestKnown
 
-OWN = {"overlap": Standard(own_agent="td3")}
+OWN = {"overlap": References(own_agent="td3")}
 
 
 def overlap(
@@ -33,9 +33,9 @@ def learned(*robustness: float, agent: str = "td3", task: str = "overlap", **wor
     return result("raw", agent=agent, task=task, robustness=robustness, **words)
 
 
-def one(*results: Result, standards: dict[str, Standard] = OWN) -> Aligned:
+def one(*results: Result, references: dict[str, References] = OWN) -> Aligned:
     """The row of the reward, where there is one alone."""
-    (row,) = (row for row in align(condense(results), standards) if row.method != "(formula)")
+    (row,) = (row for row in align(condense(results), references) if row.method != "(formula)")
     return row
 
 
@@ -94,16 +94,16 @@ class TestBestKnown:
         assert one(*cells).best_known == 0.25
 
     def test_what_the_task_file_says_is_known_too(self) -> None:
-        known = {"overlap": Standard(best_known=BestKnown(robustness=0.9), own_agent="td3")}
-        assert one(overlap(), standards=known).best_known == 0.9
-        assert one(overlap(), best(0.2), standards=known).best_known == 0.9
+        known = {"overlap": References(best_known=BestKnown(robustness=0.9), own_agent="td3")}
+        assert one(overlap(), references=known).best_known == 0.9
+        assert one(overlap(), best(0.2), references=known).best_known == 0.9
         assert one(overlap()).best_known is None
 
     def test_the_controller_by_hand_is_possible_too(self) -> None:
-        better = {"overlap": Standard(by_hand=Score((0.3, 0.5), (True, True), {}))}
-        assert one(overlap(), best(0.2), standards=better).best_known == pytest.approx(0.4)
-        assert one(overlap(), best(0.7), standards=better).best_known == 0.7
-        assert one(overlap(), standards=better).best_known is None
+        better = {"overlap": References(by_hand=Score((0.3, 0.5), (True, True), {}))}
+        assert one(overlap(), best(0.2), references=better).best_known == pytest.approx(0.4)
+        assert one(overlap(), best(0.7), references=better).best_known == 0.7
+        assert one(overlap(), references=better).best_known is None
 
     def test_what_a_plan_for_a_reward_reaches_is_possible_too(self) -> None:
         assert one(overlap("raw", "planner", 0.3), best(0.2)).best_known == 0.3

@@ -13,7 +13,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense, to_csv
 from stlbench.report.tables.comparisons import advice, compare, comparisons_table
 from stlbench.report.tables.yardsticks import Known
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 
 BEST = {Choice("hold-disc"): 0.4}
 
@@ -58,7 +58,7 @@ def test_the_margin_is_a_share_of_the_best_known_or_of_what_is_reached_by_hand()
 
 def test_methods_that_pay_the_same_are_not_tested_unless_their_difference_is_a_function_of_time():
     groups = condense(RESULTS)
-    same = {"hold-disc": Standard(alike=alike("hold-disc", flag_funnel="=", flag_raw="~"))}
+    same = {"hold-disc": References(alike=alike("hold-disc", flag_funnel="=", flag_raw="~"))}
     found = compare(groups, Known(same, BEST))
     assert words(found)["flag", "funnel"] == "="
     assert words(found)["flag", "raw"] == "worse"
@@ -122,7 +122,7 @@ def test_the_fewest_seeds_are_advised_first_and_the_rest_is_counted():
 
 def test_the_note_counts_the_pairs_that_are_tested():
     """Of six pairs one pays the same."""
-    same = Known({"hold-disc": Standard(alike=alike("hold-disc", flag_funnel="="))}, BEST)
+    same = Known({"hold-disc": References(alike=alike("hold-disc", flag_funnel="="))}, BEST)
     table = comparisons_table(compare(condense(RESULTS), same))
     assert "for all pairs that are tested here, 5 of them;" in table.notes[0]
     assert not any(note.startswith("Mixed") for note in table.notes)

@@ -25,7 +25,7 @@ from stlbench.report.tables.runs import (
     time_table,
 )
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, best_known, controllers_table
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 from stlbench.task.file import BestKnown
 
 FIRST = result(
@@ -257,13 +257,13 @@ def test_an_interval_of_the_median_in_the_overview() -> None:
 
 
 def test_controllers() -> None:
-    standard = Standard(
+    reference = References(
         by_hand=score((0.9, 0.3, -0.3)),
         zero=score((-1.0, -2.0, -3.0, 1.0)),
         constant=score((-0.5, 0.25)),
         at_random=score((-4.0, -6.0)),
     )
-    found = row(controllers_table({"hold-disc": standard}))
+    found = row(controllers_table({"hold-disc": reference}))
     assert found == about(
         {
             "task": "hold-disc",
@@ -287,10 +287,10 @@ def test_the_best_known_is_the_most_that_was_stated_or_reached(
     by_hand_gets: float, plan_gets: float | None, best: float
 ) -> None:
     """The file states .25. A policy that was trained does not count."""
-    standard = Standard(by_hand=score((by_hand_gets,)), best_known=BestKnown(robustness=0.25, upper_bound=0.6))
+    reference = References(by_hand=score((by_hand_gets,)), best_known=BestKnown(robustness=0.25, upper_bound=0.6))
     plans = [] if plan_gets is None else [plan(robustness=(plan_gets,))]
     groups = condense([result(robustness=(0.9,)), *plans])
-    assert best_known(groups, {"hold-disc": standard}) == {Choice("hold-disc"): best}
+    assert best_known(groups, {"hold-disc": reference}) == {Choice("hold-disc"): best}
 
 
 def test_comparisons() -> None:
@@ -354,7 +354,7 @@ def test_alignment() -> None:
 
 
 TASKS = ("one", "two", "three")
-STANDARDS = {task: Standard(score((3.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}
+STANDARDS = {task: References(score((3.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}
 """Robustness -1 is 0 on the scale, and 3 is 1."""
 SCORES = {
     "good": {"one": (3.0, 1.0, 2.0, 2.6), "two": (1.0, 1.4, 1.8, 0.6), "three": (0.6, 0.2, -0.2, -0.6)},

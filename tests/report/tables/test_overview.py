@@ -14,7 +14,7 @@ from stlbench.report import condense, to_records
 from stlbench.report.tables.rows import maximised, split
 from stlbench.report.tables.runs import circumstances, overview, robustness_table
 from stlbench.report.tables.yardsticks import Known, best_known
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 
 
 def test_one_row_per_task_and_one_column_per_method():
@@ -51,7 +51,7 @@ def test_marks_are_explained_below():
         result("raw", track="plain"),
         result("funnel", track="plain"),
     ]
-    known = {"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="=", flag_raw="~"))}
+    known = {"hold-disc": References(alike=alike("hold-disc", funnel_raw="=", flag_raw="~"))}
     table = overview(condense(results), Known(known))
     marks = {(row[0], row[3]): [value.mark if value else None for value in row[4:-1]] for row in table.rows}
     assert marks == {

@@ -12,11 +12,11 @@ from stlbench.report import Report, condense
 from stlbench.report.tables.across import fields
 from stlbench.report.tables.sampled import common, groups_table, pairs_table
 from stlbench.report.tables.yardsticks import Known
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 
 TASKS = {f"{system}-{form}": {"system": system, "template": form} for system in ("arm", "car") for form in "abcde"}
 STANDARDS = {
-    task: Standard(score((1.0,)), own_agent="dqn", at_random=score((-1.0,)), groups=groups)
+    task: References(score((1.0,)), own_agent="dqn", at_random=score((-1.0,)), groups=groups)
     for task, groups in TASKS.items()
 }
 """Robustness -1 is 0 on the scale, and 1 is 1."""
@@ -97,10 +97,10 @@ def test_they_are_compared_so_whichever_of_the_two_fits_fewer():
 
 
 def test_tasks_that_no_suite_drew_have_no_groups():
-    plain = {task: Standard(score((1.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}
+    plain = {task: References(score((1.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}
     mixed = STANDARDS | {"arm-a": plain["arm-a"]}
-    for standards in (plain, mixed):
-        found = fields(condense(RESULTS), Known(standards))
+    for references in (plain, mixed):
+        found = fields(condense(RESULTS), Known(references))
         assert groups_table(found).rows == pairs_table(found).rows == ()
 
 

@@ -18,10 +18,10 @@ from stlbench.report.tables.runs import circumstances, overview, robustness_tabl
 from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import show
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, controllers_table
-from stlbench.rollout.standards import Standard
 from stlbench.search.certify import Certificate, Claim
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import certificates, falsifications
+from stlbench.simulation.references import References
 from stlbench.statistics.intervals import Interval
 from stlbench.task.file import BestKnown
 
@@ -142,14 +142,14 @@ def test_comparisons() -> None:
 
 
 def test_controllers() -> None:
-    standard = Standard(
+    reference = References(
         by_hand=score((2 / 3, -1 / 3, -2 / 3)),
         zero=score((-2 / 3, 1 / 7, 1 / 7)),
         constant=score((-1 / 3, -1 / 7, 1 / 7)),
         at_random=score((-4 / 3, -6 / 7, 1 / 7, 1, 1, 1)),
         best_known=BestKnown(robustness=10 / 7, upper_bound=20 / 7),
     )
-    assert shown(controllers_table({"hold-disc": standard})) == {
+    assert shown(controllers_table({"hold-disc": reference})) == {
         "mean": "-0.111",
         "worst start": "-0.667",
         "satisfied [%]": "33.3",
@@ -189,7 +189,7 @@ def test_alignment() -> None:
 
 TASKS = [f"{system}-{form}" for system in ("arm", "car") for form in "abcde"]
 STANDARDS = {
-    task: Standard(
+    task: References(
         score((1.0,)), own_agent="dqn", at_random=score((-1.0,)), groups={"system": task[:3], "template": task[-1]}
     )
     for task in TASKS

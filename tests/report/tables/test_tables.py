@@ -17,7 +17,7 @@ from stlbench.report.page import cells_shown
 from stlbench.report.tables.runs import cells_table, robustness_table, scores_table, time_table, unfinished_table
 from stlbench.report.tables.table import FirstFailed, Seeds
 from stlbench.report.tables.yardsticks import Known, controllers_table
-from stlbench.rollout.standards import Standard
+from stlbench.simulation.references import References
 from stlbench.task.file import BestKnown
 
 
@@ -109,7 +109,7 @@ def test_numbers_come_from_the_random_starts_where_there_are_some():
 
 def test_marks_are_a_column_where_there_are_any():
     groups = condense([result("flag", extension="late windows"), result("funnel"), result("raw")])
-    table = robustness_table(groups, Known({"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="="))}, {}))
+    table = robustness_table(groups, Known({"hold-disc": References(alike=alike("hold-disc", funnel_raw="="))}, {}))
     assert [cell(table, "mark", row) for row in range(3)] == ["*", "=", "="]
     assert [note[:8] for note in table.notes[-2:]] == ["Marked *", "Marked ="]
     assert "mark" not in [column.title for column in robustness_table(groups[1:], Known()).columns]
@@ -216,7 +216,7 @@ def test_baselines_stand_beside_the_controller_and_a_trivial_task_is_marked():
     known = by_hand(hold_disc=(0.25, 0.75))
     baselines = {"zero": score((0.5, 0.25)), "constant": score((0.5, 0.75)), "trivial": True}
     known["hold-disc"] = replace(known["hold-disc"], **baselines)
-    known["other"] = Standard(zero=score((-1.0, 1.0)), constant=score((-0.5, 1.0)))
+    known["other"] = References(zero=score((-1.0, 1.0)), constant=score((-0.5, 1.0)))
     table = controllers_table(known)
     assert [row[4:] for row in table.rows] == [(0.375, 100.0, 0.625, 100.0, "trivial"), (0.0, 50.0, 0.25, 50.0, None)]
     assert any("at least 95 %" in note for note in table.notes)
@@ -227,8 +227,8 @@ def test_baselines_stand_beside_the_controller_and_a_trivial_task_is_marked():
 def test_the_best_known_stands_beside_the_controller_where_any_is_known():
     known = {
         **by_hand(hold_disc=(0.25, 0.75)),
-        "other": Standard(best_known=BestKnown(robustness=0.5, upper_bound=0.6)),
-        "third": Standard(own_agent="dqn"),
+        "other": References(best_known=BestKnown(robustness=0.5, upper_bound=0.6)),
+        "third": References(own_agent="dqn"),
     }
     table = controllers_table(known)
     assert [column.heading for column in table.columns[4:]] == ["best known", "upper bound"]

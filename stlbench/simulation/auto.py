@@ -1,0 +1,339 @@
+"""The track `auto`: all that helps a training, by rules from the formula, the ranges and the time, for every task.
+
+A task is then dynamics with signals and their ranges, a sampling time, the time for which an action is held, initial
+states and a formula. No rule knows the method.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import ceil, inf
+from typing import Any, Literal, TypeAlias, cast
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import ActionBox, Agent, Array, RewardMethod, System
+from stlbench.contract.method import FormulaKind
+from stlbench.errors import UsageError, one_line
+from stlbench.records.identity import Track
+from stlbench.registry import plugins
+from stlbench.schedules.plan import UnscheduledError, conjunction
+from stlbench.schedules.regions import Regions
+from stlbench.schedules.schedule import Schedule, is_schedule, pursued, schedules
+from stlbench.simulation.environment import fulfilling
+from stlbench.simulation.worlds import make_world
+from stlbench.stl import Always, Eventually, Formula, fragment
+from stlbench.stl.language.structure import walk
+from stlbench.task.derived import can_fall, derived
+from stlbench.task.entry import Region
+from stlbench.task.file import LOST, Budget, Ending, Exploring, TaskFile, TrainingEpisodes
+from stlbench.task.forms import Window, normal_form, windows
+from stlbench.task.starts import sample
+from stlbench.task.task import Task
+
+_FEW = 8
+"""Copies of an environment whose first samples are looked at; of a system eight times as many."""
+
+Relation: TypeAlias = Literal["equivalent", "stronger", "weaker"]
+"""Of a new formula to the one before. It is satisfied by the same traces; by some of these alone; by these and perhaps
+by others."""
+
+
+@dataclass(frozen=True)
+class Rewrite:
+    """One rule applied."""
+
+    rule: str
+    relation: Relation
+    formula: Formula
+
+
+def alternatives(task: Task) -> tuple[Schedule, ...]:
+    """The schedules of a task's formula, the best first; none where the formula is a schedule already.
+
+    Raises `UnscheduledError` where there is none, with the operator or the step and the reason.
+    """
+    file = task.file
+    return _alternatives(file.formula, regions(task), file.hold, file.steps)
+
+
+def regions(task: Task) -> Regions:
+    """Distances between conditions on a task, and from its starts."""
+    return _regions_of(task.file, initial_samples(task))
+
+
+@lru_cache(maxsize=256)
+def _alternatives(formula: Formula, regions: Regions, hold: int, steps: int) -> tuple[Schedule, ...]:
+    """Kept, since a run asks for each task once for each of its methods and seeds."""
+    if is_schedule(normal_form(formula), regions):
+        return ()
+    return tuple(schedules(formula, regions, hold, steps))
+
+
+def _regions_of(file: TaskFile, initial: Array) -> Regions:
+    """The regions of a task, always the same object for the same ranges and starts."""
+    rows = np.asarray(initial, dtype=np.float64).tolist()
+    return _regions(tuple(file.box.items()), tuple(units(file).items()), tuple(map(tuple, rows)))
+
+
+@lru_cache(maxsize=256)
+def _regions(
+    box: tuple[tuple[str, tuple[float, float]], ...],
+    unit: tuple[tuple[str, str], ...],
+    initial: tuple[tuple[float, ...], ...],
+) -> Regions:
+    """Kept, since its points and distances are found once."""
+    return Regions(dict(box), dict(unit), np.array(initial))
+
+
+def scheduled(task: Task) -> Formula | None:
+    """The formula of the schedule; None where there is none, or none is needed."""
+    if task.file.schedule is not None:
+        return task.file.schedule
+    try:
+        found = alternatives(task)
+    except UnscheduledError:
+        return None
+    return found[0].formula if found else None
+
+
+def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
+    """The formulas from the task's own to the one that methods are given; rules that change nothing are left out.
+
+    Args:
+        file: of a task, with its schedule where it has one.
+        initial: samples (n, k) at the start of episodes.
+    """
+    found = [Rewrite("task", "equivalent", file.formula)]
+
+    def add(rule: str, relation: Relation, formula: Formula) -> None:
+        if formula != found[-1].formula:
+            found.append(Rewrite(rule, relation, formula))
+
+    if file.schedule is not None:
+        add("schedule", "stronger", file.schedule)
+        earlier = pursued(fragment(file.schedule), _regions_of(file, initial))
+        add("begins", "weaker", conjunction(earlier))
+    add("form", "weaker", normal_form(found[-1].formula))
+    add("scale", "equivalent", derived(found[-1].formula, file.box, units(file), initial, file.hold))
+    return tuple(found)
+
+
+def units(file: TaskFile) -> dict[str, str]:
+    """Signal -> its unit."""
+    return {name: signal.unit for name, signal in file.signals.items()}
+
+
+def initial_samples(task: Task) -> Array:
+    """Signals (n, k) at the start of some episodes, always the same ones."""
+    count = 8 * _FEW if isinstance(task.dynamics, System) else _FEW
+    world = make_world(task, count)
+    world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
+    return world.signals
+
+
+_REACH = 20
+"""Steps that a discount reaches over, at least. With 10, a pole on a cart was learned in 15 of 24 runs; now in 20."""
+_MOST = 0.98
+"""Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
+
+PATIENCE = 3
+"""Checkpoints without a better one after which a training may end at one that satisfies, where its budget does not
+say."""
+EPISODES = 900
+"""Of the budget `quick`, at least."""
+EXPLORED = 0.25
+"""Share of the decisions in training that belong to episodes which begin at a random time."""
+LENGTH = 40
+"""Decisions after which such an episode is broken off, on average; at most half of the task's."""
+_FEWEST = 16
+"""States, of those drawn, that fulfil a goal; otherwise no episodes begin there."""
+
+
+def for_every_method(task: Task, agent: str, track: Track) -> Task:
+    """The task that every method of a track trains on: by the rules (`auto`), without help (`plain`), or as it is."""
+    if track == "auto":
+        return automatic(task, agent)
+    if track == "plain":  # the agent has no recipe there, and so trains with its defaults
+        file = task.file.plain()
+        return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent: {}}}))
+    return task
+
+
+def automatic(task: Task, agent: str) -> Task:
+    """The task with the help by the rules that it does not leave out, and none by hand, for training with an agent.
+
+    Raises `UsageError` where it leaves out what no rule derives for it.
+    """
+    schedule = scheduled(task)
+    if "schedule" in task.left_out:
+        if schedule is None:
+            raise UsageError(f"{task.choice}: the task is without schedule as it is on the track auto")
+        schedule = None
+    helped = _helped(replace(task, file=task.file.model_copy(update={"schedule": schedule})), agent)
+    for part in task.left_out:
+        if part not in ("hold", "schedule"):  # the first is the task's own, the second is left out already
+            try:
+                helped = helped.without(part)
+            except ValueError as error:
+                raise UsageError(f"{task.choice}: {error} on the track auto") from error
+    if "rewarded" in task.left_out:
+        helped = helped.model_copy(update={"nested": None if schedule is not None else task.file.nested})
+    return replace(task, file=helped)
+
+
+def _helped(task: Task, agent: str) -> TaskFile:
+    """The task's file with all help."""
+    file = task.file
+    bare = replace(task, file=file.model_copy(update={"training": TrainingEpisodes()}))
+    initial = initial_samples(bare)
+    nested = None
+    if file.nested is not None and file.schedule is None:
+        nested = rewrites(file.model_copy(update={"formula": file.nested}), initial)[-1].formula
+    return file.model_copy(
+        update={
+            "features": "formula",
+            "rewarded": rewrites(file, initial)[-1].formula,
+            "nested": nested,
+            "training": TrainingEpisodes(
+                cuts=cuts(file.followed, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
+            ),
+            "budgets": {name: _budget(name, budget, file.steps) for name, budget in file.budgets.items()},
+            "agents": {agent: recipe(agent, task)},
+        }
+    )
+
+
+def _budget(name: str, budget: Budget, steps: int) -> Budget:
+    """With patience; `quick` has 900 episodes of so many steps at least."""
+    times = max(1.0, EPISODES * steps / budget.steps) if name == "quick" else 1.0
+    longer = {"steps": round(times * budget.steps), "checkpoints": ceil(times * budget.checkpoints)}
+    return budget.model_copy(update={**longer, "patience": budget.patience or PATIENCE})
+
+
+def recipe(agent: str, task: Task) -> dict[str, Any]:
+    """The agent's parameters: those of its class's `recipe`, of which rules change `gamma`, and the task's own grid.
+
+    The discount reaches over 20 steps, 1 - hold / 20, at least. With G F p, it reaches over the longest window of F, of
+    W decisions: it is at least 1 - 1 / (2.5 W). For continuous actions it reaches over a quarter of the episode's D
+    decisions, 1 - 4 / D, but is at most 0.98.
+    """
+    parameters = _declared(agent)
+    if (grid := task.recipe(agent).get("grid")) is not None:
+        parameters["grid"] = grid
+    if isinstance(parameters.get("gamma"), int | float):
+        again = max((node.b for node in recurring(task.file.followed)), default=0) / task.file.hold
+        reaches = [parameters["gamma"], 1 - task.file.hold / _REACH, 1 - 1 / max(1.0, 2.5 * again)]
+        if isinstance(task.actions, ActionBox):
+            reaches.append(min(_MOST, 1 - 4 * task.file.hold / task.file.steps))
+        parameters["gamma"] = round(max(reaches), 4)
+    return parameters
+
+
+def _declared(agent: str) -> dict[str, Any]:
+    """The recipe of an agent's class; none where it is not installed, as for results of another machine."""
+    if (plugin := plugins.known("agents", agent)) is None:
+        return {}
+    declared = cast(type[Agent], plugin.load()).recipe
+    try:
+        json.dumps(parameters := dict(declared))
+    except (TypeError, ValueError) as error:
+        raise plugin.error(f"its recipe should have parameters and values that JSON has: {one_line(error)}") from error
+    return parameters
+
+
+def recurring(formula: Formula) -> Iterator[Eventually]:
+    """What a formula asks for again and again: F inside G."""
+    for always in walk(formula):
+        if isinstance(always, Always):
+            yield from (node for node in walk(always.arg) if isinstance(node, Eventually))
+
+
+def in_turn(fitting: Mapping[str, RewardMethod], formula: Formula) -> tuple[str, ...]:
+    """The names of methods that fit a formula, in the order in which to try them.
+
+    First those with a place for its kind (`RewardMethod.preference`); then those inside their source's form, by inputs.
+    """
+    kind: FormulaKind = "other" if next(recurring(formula), None) is None else "recurring"
+
+    def order(name: str) -> tuple[float, bool, int, str]:
+        method = fitting[name]
+        place = plugins.place(type(method), kind)
+        return inf if place is None else place, method.extension != "", method.input_size, name
+
+    return tuple(sorted(fitting, key=order))
+
+
+def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
+    """The steps at which the next goal changes: the ends of the windows of all goals but the last, decisions' ones.
+
+    There is no cut where a goal that has to hold at once follows, as in a tube: a robot has to be there in time.
+    """
+    goals = [window for window in windows(formula) if not window.invariant]
+    at_once = {window.begin for window in goals if window.throughout}
+    ends = sorted({window.end for window in goals})
+    held = {-(-end // hold) * hold for end in ends[:-1] if not at_once & {end, end + 1}}
+    return tuple(sorted(cut for cut in held if 0 < cut < steps))
+
+
+def _ends(task: Task) -> tuple[Ending, ...]:
+    """The conditions that end training episodes early, which pays the floor.
+
+    A robot that can fall: where a signal that a long invariant reads leaves its range. A long invariant is one of half
+    of the task or more. Another robot, as one that leaves a room, comes back: a punishment would keep it from goals
+    near the walls.
+
+    An environment that ends episodes: where that violates with the last sample held. Otherwise a pole that falls
+    towards its goal is paid for its place to the end.
+    """
+    file = task.file
+    if not isinstance(task.dynamics, System):
+        return (Ending.model_validate({"where": LOST}),) if file.terminated == "hold" else ()
+    if not can_fall(file.followed, file.box):
+        return ()
+    long = [window for window in windows(file.followed) if window.invariant and 2 * window.end >= file.steps]
+    names = [name for name in task.signals if any(name in stl.signals(window.psi) for window in long)]
+    ends = [f"{name} < {file.box[name][0]!r} | {name} > {file.box[name][1]!r}" for name in names]
+    return (Ending.model_validate({"where": " | ".join(ends)}),) if ends else ()
+
+
+def _lasting(parts: Sequence[Window], file: TaskFile) -> list[Window]:
+    """The invariants. Of a schedule, those that last as long as its goals: a shorter one may exclude a later goal."""
+    last = max((part.end for part in parts if not part.invariant), default=0)
+    return [part for part in parts if part.invariant and (file.schedule is None or part.end >= last)]
+
+
+def _exploring(task: Task) -> Exploring | None:
+    """Episodes that begin at a random time, in states met before or where the invariants hold within the ranges.
+
+    Half of the latter are states where a goal holds. Where no range is of a coordinate, they are initial states. There
+    are no such episodes where no state can be set.
+    """
+    if not isinstance(task.dynamics, System):
+        return None
+    assert task.file.initial is not None
+    decisions = task.file.steps // task.file.hold
+    length = max(1, min(LENGTH, decisions // 2))
+    share = EXPLORED * decisions / (EXPLORED * decisions + (1 - EXPLORED) * length)
+    box = dict[str, tuple[float, float]]()
+    for name, (low, high) in task.file.initial.box.items():
+        least, greatest = task.file.box.get(name, (low, high))
+        box[name] = min(low, least), max(high, greatest)
+    parts = windows(task.file.followed)
+    held = [part.psi for part in _lasting(parts, task.file) if {*stl.signals(part.psi)} <= {*box}]
+    if not {*box} & {*task.file.box} and task.file.initial.where is not None:
+        held.append(task.file.initial.where)
+    where = " & ".join(f"({condition})" for condition in held) or None
+    states = Region.model_validate({"box": box, "where": where})
+    try:
+        sample(states, np.random.default_rng(0), 256)
+    except UsageError:  # the invariants hold almost nowhere within the ranges
+        return Exploring(share=share, kept=1.0, length=length)
+    goals = [part for part in parts if not part.invariant]
+    found = zip(goals, fulfilling(task, states, [goal.psi for goal in goals]), strict=True)
+    near = [{"until": goal.end, "where": str(goal.psi)} for goal, reached in found if len(reached) >= _FEWEST]
+    return Exploring.model_validate({"share": share, "kept": 0.5, "length": length, "states": states, "near": near})
