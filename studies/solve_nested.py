@@ -1,13 +1,14 @@
 """`stlbench solve` on nested formulas, as a new user types them.
 
-python studies/solve_nested.py [NAME ...]    run those that have no row yet, one after another
+python studies/solve_nested.py [NAME ...]               run those that have no row yet, one after another
+python studies/solve_nested.py --minutes 8 [NAME ...]   with more than 4 minutes of the time of one core
 
 Each has a row in results/solve/nested.csv, and its folder under build/solve-nested.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 import solve_foreign
 from row_by_row import add, rows
@@ -82,14 +83,18 @@ def _told(row: dict[str, str]) -> str:
     return f"{low}, {float(row['cpu']) / 60:.1f}"
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str], minutes: float) -> None:
     """Run what has no row."""
     done = {row["problem"] for row in rows(ROWS)}
     for name, (environment, arguments) in problems().items():
         if name not in done and (not names or name in names):
-            row = solve_foreign.measured(environment, arguments, FOLDERS / name.replace(" ", "-"), MINUTES)
+            row = solve_foreign.measured(environment, arguments, FOLDERS / name.replace(" ", "-"), minutes)
             add(ROWS, ("problem", *solve_foreign.COLUMNS[:-1]), [{"problem": name} | row])
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=MINUTES)
+    parser.add_argument("names", nargs="*")
+    given = parser.parse_args()
+    main(given.names, given.minutes)
