@@ -72,13 +72,10 @@ class _Asked:
     def excludes(self, other: _Asked) -> bool:
         """Whether one of the two asks for `psi`, and the other for its opposite all that time."""
         held, event = (self, other) if self.stay is None else (other, self)
-        return (
-            held.stay is None
-            and held.psi == negations_inside(Not(event.psi))
-            and {held.low.variable, held.high.variable} == {event.low.variable, event.high.variable}
-            and len({held.low.variable, held.high.variable}) == 1
-            and held.low.offset <= event.low.offset <= event.high.offset <= held.high.offset
-        )
+        ends = held.low, event.low, event.high, held.high
+        offsets = [at.offset for at in ends]
+        inside = len({at.variable for at in ends}) == 1 and offsets == sorted(offsets)
+        return held.stay is None and inside and held.psi == negations_inside(Not(event.psi))
 
 
 @dataclass(frozen=True)
@@ -171,9 +168,7 @@ def _constant(psi: Formula) -> bool | None:
 MOST_PLANS = 400
 """Alternatives of one formula that are looked at."""
 MOST_VISITS = 12
-"""Visits of one region by which an F inside of G is served. Where it takes more, it is asked for again and again, and
-to hold it all the time may be impossible: a cart that has to be slow once in ten steps cannot be slow all the time.
-Many windows at equal intervals were tried: methods learned nothing from them, and `flag` learns without."""
+"""Visits of one region by which an F inside of G is served. Methods learned nothing from more, at equal intervals."""
 
 _Plans = Iterator[Plan]
 _Step = Callable[[Plan], _Plans]
