@@ -85,7 +85,9 @@ def _schedule(task: Task) -> dict[str, Any] | str | None:
     try:
         found = alternatives(task)
     except UnscheduledError as error:
-        return one_line(error)
+        if task.file.schedule is None:
+            return one_line(error)
+        found = ()  # it follows one that its file has
     if task.file.schedule is None:
         return None
     windows = [

@@ -29,7 +29,8 @@ class Schedule:
 
 
 ALIKE = 0.9
-"""Paces of at least this share of the greatest count as equal. The simplest schedule of these is taken."""
+"""Paces, or margins around witnesses, of at least this share of the greatest count as equal. The simplest schedule of
+these is taken."""
 MOST_AROUND = 40
 """Alternatives into which witnesses are fitted."""
 MOST_NODES = 1500
@@ -55,11 +56,16 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int, share: f
             found.append(Schedule(terms, times.pace))
     if not found and timed:
         raise UnscheduledError("every trace satisfies the formula")
-    enough = ALIKE * max(schedule.pace for schedule in found)
-    near = [each for each in found if each.pace >= enough]
-    near.sort(key=lambda each: (*_goals_and_terms(each, regions), -round(each.pace, 6)))
-    rest = sorted((each for each in found if each.pace < enough), key=lambda each: -each.pace)
-    return list(dict.fromkeys(near + rest))
+    return list(dict.fromkeys(_best_first([(each.pace, each) for each in found], regions)))
+
+
+def _best_first(graded: Sequence[tuple[float, Schedule]], regions: Regions) -> list[Schedule]:
+    """By goals, terms and grade those of nearly the greatest grade, then the others by their grade."""
+    enough = ALIKE * max(grade for grade, _ in graded)
+    near = [each for each in graded if each[0] >= enough]
+    near.sort(key=lambda each: (*_goals_and_terms(each[1], regions), -round(each[0], 6)))
+    rest = sorted((each for each in graded if each[0] < enough), key=lambda each: -each[0])
+    return [schedule for _, schedule in near + rest]
 
 
 def _goals_and_terms(schedule: Schedule, regions: Regions) -> tuple[int, int]:
@@ -83,15 +89,13 @@ def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Arr
         UnscheduledError: as `schedules`.
     """
     for width in (hold, 0):  # as in `schedules`
-        found = list[tuple[int, Schedule]]()
+        found = list[tuple[float, Schedule]]()
         for programme in _programmes(formula, regions, width, last)[:MOST_AROUND]:
             fitted = times_around(programme, traces, tuple(regions.box))
             if fitted is not None and (terms := programme.plan.terms(fitted[1].values)):
                 found.append((fitted[0], Schedule(terms, fitted[1].pace)))
         if found:
-            enough = ALIKE * max(margin for margin, _ in found)
-            near = [each for each in found if each[0] >= enough]
-            return min(near, key=lambda each: (*_goals_and_terms(each[1], regions), -each[0]))[1]
+            return _best_first(found, regions)[0]
     return None
 
 

@@ -22,7 +22,7 @@ MOST_PACE = 1e4
 _TOLERANCE = 1e-6
 _FAST = 1.6
 """So many times the pace a robot may have without having to wait for what is excluded before a goal."""
-HELD_COST = 0.5
+_HELD_COST = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
 _Item = Event | Held
@@ -337,14 +337,14 @@ class Programme:
         """The widest windows at a pace."""
         if share < 1:
             return self._roomy(replace(rows, room=rows.room - share * pace * rows.distance, distance=0 * rows.distance))
-        return _solved(rows, self._narrow, pace * (1 - _TOLERANCE))
+        return _solved(rows, self.narrow, pace * (1 - _TOLERANCE))
 
     @property
-    def _narrow(self) -> Array:
+    def narrow(self) -> Array:
         """The cost of narrow windows, and of what is held for long."""
         cost = np.zeros(self.plan.variables + 1)
         for item in self.items:
-            factor = -1.0 if isinstance(item, Event) else HELD_COST
+            factor = -1.0 if isinstance(item, Event) else _HELD_COST
             _add(cost, item.end, factor)
             _add(cost, item.begin, -factor)
         return cost
@@ -353,7 +353,7 @@ class Programme:
         """Windows of which the narrowest is as wide as possible, in the middle of where they may be."""
         alike = _Rows.joined([rows, _Rows.of([_Row(each.begin, each.end, 0, 1.0) for each in self.plan.events])])
         least = _solved(alike, np.append(np.zeros(self.plan.variables), -1.0), 0.0)
-        widest = None if least is None else _solved(alike, self._narrow, least.pace * (1 - _TOLERANCE))
+        widest = None if least is None else _solved(alike, self.narrow, least.pace * (1 - _TOLERANCE))
         if widest is None:
             return None
         widths = [

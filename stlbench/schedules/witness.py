@@ -12,7 +12,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array, Truth
 from stlbench.schedules.plan import At, Event, Held
-from stlbench.schedules.times import HELD_COST, Programme, Times
+from stlbench.schedules.times import Programme, Times
 
 _SECONDS = 2.0
 """For one programme, at most. It takes milliseconds, unless witnesses meet a region many times."""
@@ -39,11 +39,13 @@ def times_around(programme: Programme, traces: Array, names: Sequence[str]) -> t
             else:
                 model.keep(item, runs)
         model.leave_time(met)
-    found = model.solved({model.margin: -1.0}, 0)
+    margin = np.zeros(model.margin + 1)
+    margin[model.margin] = -1.0
+    found = model.solved(margin, 0)
     if found is None:
         return None
     least = int(found[model.margin] + 1e-6)
-    widest = model.solved(model.widths(), least)
+    widest = model.solved(programme.narrow, least)
     values = np.round(found if widest is None else widest)
     return least, Times(0.0, tuple(values[: programme.plan.variables].astype(int).tolist()))
 
@@ -95,18 +97,11 @@ class _Model:
             self._order(At(begin), held.begin, choice=choice)
             self._order(held.end, At(end), choice=choice)
 
-    def widths(self) -> dict[int, float]:
-        """The cost of narrow windows, and of what is held for long."""
-        cost = dict[int, float]()
-        for item in self._items:
-            each = -1.0 if isinstance(item, Event) else HELD_COST
-            for at, sign in ((item.end, each), (item.begin, -each)):
-                if at.variable is not None:
-                    cost[at.variable] = cost.get(at.variable, 0.0) + sign
-        return cost
+    def solved(self, cost: Array, least: int) -> Array | None:
+        """The values of all variables of least cost, with at least this margin.
 
-    def solved(self, cost: dict[int, float], least: int) -> Array | None:
-        """The values of all variables of least cost, with at least this margin."""
+        `cost` is of the plan's variables, then of the margin; the others cost nothing.
+        """
         from scipy.optimize import Bounds, LinearConstraint, milp  # which most commands do without
         from scipy.sparse import coo_array
 
@@ -116,10 +111,8 @@ class _Model:
         rows = coo_array((data, (row, column)), shape=(len(self._rows), count)).tocsr()
         low, high = np.zeros(count), np.where(self._choice, 1.0, self._big)
         low[self.margin] = least
-        costs = np.zeros(count)
-        costs[[*cost]] = [*cost.values()]
         found = milp(
-            costs,
+            np.append(cost, np.zeros(count - len(cost))),
             constraints=LinearConstraint(rows, ub=np.array(self._most)),
             integrality=np.ones(count, dtype=np.int64),
             bounds=Bounds(low, high),

@@ -149,7 +149,10 @@ _DECISIONS = 200
 """An action is held for as many steps as leave at most so many decisions in an episode."""
 _WIDER = 1e6
 """No policy leaves a range that random actions showed, made wider by this factor."""
-_BY_HAND = {"notes", "rewarded", "nested", "training", "features", "best_known", "baselines", "protocols", "budgets"}
+_BY_HAND = {
+    *("notes", "rewarded", "nested", "schedule", "schedules", "training", "features"),
+    *("best_known", "baselines", "protocols", "budgets"),
+}
 """What a task file says for training or for another formula. The track `auto` derives its own."""
 _ENTRY = re.compile(r"\bobs\[(\w+)\](?:\[(\d+)\])?")
 _VERSION = re.compile(r"-v\d+$")

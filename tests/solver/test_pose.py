@@ -14,7 +14,9 @@ import yaml
 from solver.conftest import FORMULA, POINT
 
 from stlbench import stl
+from stlbench.cli.show_task import _schedule
 from stlbench.errors import UsageError
+from stlbench.simulation.auto import automatic
 from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
@@ -22,6 +24,8 @@ from stlbench.solver.tries import check_speed
 from stlbench.solver.workspace import pose
 from stlbench.task import load_task
 from stlbench.task.gym_sketch import sketch
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "gym-pendulum" / "task.yaml"
 
 
 def test_each_problem_has_a_folder_of_its_own() -> None:
@@ -167,3 +171,29 @@ def test_how_long_a_slow_environment_takes_is_said_before_the_first_look() -> No
 )
 def test_seconds_may_be_fractions_and_a_rate_may_be_no_round_number(environment: str, formula: str, steps: str) -> None:
     assert content_of(Problem(environment, formula, time="seconds"))["formula"] == steps
+
+
+def test_schedules_by_hand_are_left_out(tmp_path: Path) -> None:
+    """They are of the task's own formula, and the track derives one of the formula that is solved."""
+    text = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    text["schedule"], text["schedules"] = "G[0,5] abs(theta) <= 3", {"late": "G[3,5] abs(theta) <= 3"}
+    home = tmp_path / "by-hand"
+    home.mkdir()
+    (home / "task.yaml").write_text(yaml.safe_dump(text))
+    content = content_of(Problem(str(home), "F[0,50] abs(theta) <= 0.5"))
+    assert not {"schedule", "schedules"} & content.keys()
+    assert load_task(str(home)).file.schedules["late"] == stl.parse("G[3,5] abs(theta) <= 3")
+
+
+def test_a_schedule_by_hand_is_shown_where_none_is_derived(tmp_path: Path) -> None:
+    text = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    text |= {"formula": "G[0,190] F[0,5] omega >= 0", "schedules": {"late": "G[5,195] omega >= 0"}}
+    text["signals"]["omega"] = {"low": -8, "high": 8}
+    home = tmp_path / "recurring"
+    home.mkdir()
+    (home / "task.yaml").write_text(yaml.safe_dump(text))
+    own, late = (automatic(load_task(f"{home}{choice}"), "td3") for choice in ("", "[schedule=late]"))
+    assert "visits" in str(_schedule(own))
+    shown = _schedule(late)
+    assert isinstance(shown, dict)
+    assert [(window["begin"], window["end"]) for window in shown["windows"]] == [(5, 195)]
