@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from stlbench_methods.progress import Followed
 
 
@@ -23,6 +25,8 @@ class Tltl(Followed):
     Raises:
         Unsuitable: an operator looks back, or a part of the formula has no bounds.
     """
+
+    preference = MappingProxyType({"sum": 1})
 
     @property
     def floor(self) -> float:

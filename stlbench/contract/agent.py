@@ -141,9 +141,13 @@ class Environment(Protocol):
     actions: Actions
     hold: int
     """Steps for which one action is held; the formula still sees every step."""
+    time_column: int
+    """The column of the observation that has the time."""
+    decisions: int
+    """Actions of a whole episode."""
 
-    def reset(self) -> Array:
-        """Start N episodes: the first observation, (N, D)."""
+    def reset(self, alike: int = 1) -> Array:
+        """Start N episodes: the first observation, (N, D). So many in a row begin alike, at step 0 if more than one."""
 
     def step(self, action: Integers | Array) -> Transition:
         """Hold actions for `hold` steps: indices (N,) of a grid, or vectors (N, axes), clipped to the actions' ends."""
@@ -294,6 +298,8 @@ class Agent(ABC):
     `raised`."""
     resumes: ClassVar[bool] = False
     """Whether it can start from an earlier policy (`Training.initial`, `run --init`)."""
+    discounts: ClassVar[bool] = True
+    """Whether later rewards count less. If not, `stlbench solve` takes a method with a place for `sum`."""
     search_space: ClassVar[Mapping[str, tuple[float | int | str | bool, ...]]] = MappingProxyType({})
     """Values that `stlbench tune` tries for every method: parameter -> values. `hold` stands for the steps of an
     action, where it fits the task. The task's own recipe is tried too. Name what methods need differently: one that

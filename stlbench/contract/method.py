@@ -13,7 +13,8 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract.arrays import Array, Integers, Truth
 
-FormulaKind = Literal["recurring", "other"]
+Aim = Literal["recurring", "other", "sum"]
+"""Of a training: a formula that asks for something again and again, another one, or the sum of an episode's rewards."""
 """A formula with F inside of G, which asks for something again and again; any other one."""
 
 
@@ -172,9 +173,9 @@ class RewardMethod:
     extension: str = ""
     """Why the task is outside the form of the method's publication, in a few words; empty inside it. Tables mark it."""
 
-    preference: ClassVar[Mapping[FormulaKind, int]] = MappingProxyType({})
-    """Kind of formula -> its place among the methods that `stlbench solve` and `method="auto"` try first, 1 the first.
-    Those without a place follow. A subclass has no place but by its own body."""
+    preference: ClassVar[Mapping[Aim, int]] = MappingProxyType({})
+    """Aim of a training -> its place among the methods that `stlbench solve` and `method="auto"` try first, 1 the
+    first. Those without a place follow. A subclass has no place but by its own body."""
 
     # ------------------------------------------------------------------ additions: a memory that is a state machine
 

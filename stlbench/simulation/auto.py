@@ -17,7 +17,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import ActionBox, Agent, Array, RewardMethod, System
-from stlbench.contract.method import FormulaKind
+from stlbench.contract.method import Aim
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import Track
 from stlbench.registry import plugins
@@ -253,16 +253,19 @@ def recurring(formula: Formula) -> Iterator[Eventually]:
             yield from (node for node in walk(always.arg) if isinstance(node, Eventually))
 
 
-def in_turn(fitting: Mapping[str, RewardMethod], formula: Formula) -> tuple[str, ...]:
+def aim_of(formula: Formula) -> Aim:
+    return "other" if next(recurring(formula), None) is None else "recurring"
+
+
+def in_turn(fitting: Mapping[str, RewardMethod], aim: Aim) -> tuple[str, ...]:
     """The names of methods that fit a formula, in the order in which to try them.
 
-    First those with a place for its kind (`RewardMethod.preference`); then those inside their source's form, by inputs.
+    First those with a place for the aim (`RewardMethod.preference`); then those inside their source's form, by inputs.
     """
-    kind: FormulaKind = "other" if next(recurring(formula), None) is None else "recurring"
 
     def order(name: str) -> tuple[float, bool, int, str]:
         method = fitting[name]
-        place = plugins.place(type(method), kind)
+        place = plugins.place(type(method), aim)
         return inf if place is None else place, method.extension != "", method.input_size, name
 
     return tuple(sorted(fitting, key=order))

@@ -259,15 +259,17 @@ class BatchEnvironment:
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self.taken = 0
+        self.decisions = horizon // task.file.hold
         self.observation_size = self.reset().shape[1]
+        self.time_column = self.observation_size - method.input_size - 1
         self._generator = np.random.default_rng(seed)
 
-    def reset(self) -> Array:
+    def reset(self, alike: int = 1) -> Array:
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
-        self.simulator.reset(self._draw(self.count))
+        self.simulator.reset(np.repeat(self._draw(self.count // alike), alike, axis=0))
         if self._past is not None:
             self._past.begin(slice(None), self.simulator.signals)
-        if self._training.exploring is not None:
+        if self._training.exploring is not None and alike == 1:
             self._reset_rows(np.arange(self.count))
         self._seen = self.simulator.observe()
         return self._seen

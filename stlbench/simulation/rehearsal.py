@@ -45,11 +45,12 @@ class _Still:
         self._environment, self._left, self._stage = environment, _STEPPED, stage
         self.count, self.observation_size = environment.count, environment.observation_size
         self.actions, self.hold = environment.actions, environment.hold
+        self.time_column, self.decisions = environment.time_column, environment.decisions
         self.counterfactuals = environment.counterfactuals if isinstance(environment, CounterfactualEnvironment) else 0
 
-    def reset(self) -> Array:
+    def reset(self, alike: int = 1) -> Array:
         self._stage.check()
-        return self._environment.reset()
+        return self._environment.reset(alike)
 
     def step(self, action: Integers | Array) -> Transition:
         self._stage.check()

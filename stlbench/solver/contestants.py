@@ -12,10 +12,10 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.simulation.auto import automatic, in_turn
+from stlbench.simulation.auto import aim_of, automatic, in_turn, scheduled
 from stlbench.solver.workspace import TASK
 from stlbench.study.cell import own_agent_on
-from stlbench.task import Task, build_agent, build_method, fitting_methods
+from stlbench.task import Task, build_agent, build_method, fitting_methods, load_task
 from stlbench.task.build import INIT
 from stlbench.task.task import agents_for
 
@@ -53,9 +53,8 @@ class Contestant:
         return cls(str(result.id.method), str(result.id.agent.without(INIT)), result.id.task)
 
     def __str__(self) -> str:
-        return (
-            self.method if self.task == TASK else f"{self.method} by schedule {dict(self.task.parameters)['schedule']}"
-        )
+        schedule = dict(self.task.parameters).get("schedule")
+        return self.method if schedule is None else f"{self.method} by schedule {schedule}"
 
 
 def resumes(agent: str) -> bool:
@@ -75,11 +74,32 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
     fitting = fitting_methods(derived)
     if not fitting:
         raise UsageError(f"no method fits the formula {task.formula}; {'; '.join(_reasons(derived))}")
-    methods = in_turn(fitting, derived.file.followed)
+    methods = in_turn(fitting, aim_of(derived.file.followed))
     if not isinstance(task.actions, ActionGrid):  # then no agent learns from other memories
         methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals > 0))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
+
+
+def searcher(task: Task) -> Contestant | None:
+    """The first agent without a discount, with a method for sums of rewards; None where there is none.
+
+    It needs no windows to work towards, so it follows the formula itself where the method fits that.
+    """
+    for agent in agents_for(task.actions):
+        if _discounts(agent):
+            continue
+        bare = Choice(TASK.name, (("without", "schedule"),))
+        for choice in (TASK,) if scheduled(task) is None else (bare, TASK):
+            fitting = fitting_methods(automatic(load_task(choice), agent))
+            names = [name for name, method in fitting.items() if plugins.place(type(method), "sum") is not None]
+            if names:
+                return Contestant(in_turn({name: fitting[name] for name in names}, "sum")[0], agent, choice)
+    return None
+
+
+def _discounts(agent: str) -> bool:
+    return bool(getattr(plugins.find("agents", agent).load(), "discounts", True))
 
 
 def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Contestant, ...]:
@@ -104,7 +124,7 @@ def _reasons(task: Task) -> Iterator[str]:
 def _second(task: Task, own: str) -> list[str]:
     """The next agent for the same actions that can train here."""
     for agent in agents_for(task.actions):
-        if agent == own:
+        if agent == own or not _discounts(agent):
             continue
         with suppress(Exception):  # also what one from outside raises: it does not race
             build_agent(automatic(task, agent), agent)

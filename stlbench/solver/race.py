@@ -19,7 +19,7 @@ from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
 from stlbench.solver import tries
-from stlbench.solver.contestants import Contestant, along, best_first, contestants, rank, resumes
+from stlbench.solver.contestants import Contestant, along, best_first, contestants, rank, resumes, searcher
 from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
 from stlbench.solver.start import Start
@@ -28,12 +28,15 @@ from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
 from stlbench.study.tuning import FIRST_SEED
 
+_SEARCH = "search"  # a budget
 _RUNG_RATIO = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
 _DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE_SHARE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
+_SUM_SHARE = 0.2
+"""Of the time, for an agent that maximises the sum of an episode's rewards."""
 _PROBE_CHECKPOINTS = 10
 """Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
 _SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
@@ -151,6 +154,10 @@ class Trainer:
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
         if _satisfies(best):
             return best
+        if self.start is None and not self._is_promising(best):
+            best = max([best, *self._searched()], key=rank)
+            if _satisfies(best):
+                return best
         if rank(best)[0] == 0 and (found := self.workspace.search(60 * self.clock.minutes)):
             self.say(found)
         if self.start is None:
@@ -167,6 +174,18 @@ class Trainer:
             best = max(ranked[0], best, key=rank)
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best
+
+    def _searched(self) -> list[Result]:
+        """The result of an agent that maximises sums of rewards, in its share of the time; none if no agent does."""
+        if (contestant := searcher(self.workspace.task)) is None:
+            return []
+        self.say(f"search: {contestant} with {contestant.agent}")
+        task, given = self.workspace.task, _SUM_SHARE * 60 * self.clock.minutes
+        checkpoints, seconds = self._training(given, 0.0)
+        # its speed is not known; it is at most that of the simulation, and the seconds end it
+        steps = int(seconds / self.workspace.episode_seconds * task.file.steps)
+        self._write(_SEARCH, steps, seconds / _OVERTIME, checkpoints, _PATIENCE)
+        return self.train(_SEARCH, [contestant], [FIRST_SEED], _satisfies)
 
     def kept(self) -> list[Result]:
         """What has been trained so far, the best first; at equal shares the final training before the race."""

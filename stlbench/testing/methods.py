@@ -11,7 +11,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification, Unsuitable
 from stlbench.contract.arrays import are_numbers, kind_of
-from stlbench.contract.method import FormulaKind
+from stlbench.contract.method import Aim
 from stlbench.contract.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.breaches import breach
@@ -73,7 +73,7 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
     rules.keep(isinstance(m, int) and m >= 0, "memory_size is a whole number, at least 0", m)
     rules.keep(bool(0 < method.scale < np.inf), "scale is positive and finite", method.scale)
     rules.keep(*_described(method))
-    rules.places(method.preference, get_args(FormulaKind))
+    rules.places(method.preference, get_args(Aim))
     traces, action = _traces(method.specification), np.zeros((_ROWS, 1))
     first = (traces[:, 0], np.zeros(_ROWS, dtype=np.int64))
     memories, rewards = [rules.function("initial_memory", method.initial_memory, first, (_ROWS, m))], list[Array]()

@@ -20,7 +20,7 @@ from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specif
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
-from stlbench.simulation.auto import in_turn
+from stlbench.simulation.auto import aim_of, in_turn
 from stlbench.task.build import fitting_methods
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_spaces import Expressions, number
@@ -165,7 +165,7 @@ def _make_method(method: MethodOf, specification: Specification) -> RewardMethod
 
 def first_that_fits(specification: Specification) -> str:
     """The method that `method="auto"` means. Raises `UsageError` if none fits."""
-    names = in_turn(fitting_methods(specification), specification.formula)
+    names = in_turn(fitting_methods(specification), aim_of(specification.formula))
     if not names:
         raise UsageError(f"method auto: no installed method fits the formula {specification.formula}")
     return names[0]

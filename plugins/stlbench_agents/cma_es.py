@@ -1,0 +1,290 @@
+"""A search for small policies by CMA-ES (Hansen, Ostermeier 2001), with the package `cma`.
+
+An action is linear in the observation, plus a course over time. A policy is worth its mean return over some starts,
+without a discount. No gradient and no value is learned: it shows what a reward asks for of a policy with few numbers.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from stlbench.contract import (
+    ActionBox,
+    ActionGrid,
+    Actions,
+    Agent,
+    Array,
+    Arrays,
+    Environment,
+    Event,
+    Integers,
+    Policy,
+    Training,
+)
+from stlbench_agents.policies import ActorPolicy
+from stlbench_agents.training import Count, Positive
+
+_LEAST_STARTS = 2
+_AGREE, _DISAGREE = 0.9, 0.5
+"""Correlations of two halves of the starts in how they rank the candidates. Above the first, half as many starts
+suffice; below the second, twice as many are needed."""
+_RACING = ((2, 0.3), (1, 1.0))
+"""So many runs, by turns, up to this share of the budget."""
+_LAST = 10
+"""Generations that say what a run is worth."""
+_FULL = 200
+"""Numbers of a policy up to which their covariances are learned; of more, their variances alone."""
+_GAIN = 6.0
+"""The spread of gains on an observation of one entry, over that of the course. A pole is not held by small gains."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CMAES(Agent):
+    """CMA-ES over policies that are linear in the observation, plus a course over time."""
+
+    candidates: Count = 32
+    """policies of a generation"""
+    most_starts: Count = 32
+    """initial states from which each is tried, at most; those of a generation are the same for all"""
+    knots: Count = 20
+    """points in time between which the course is linear"""
+    spread: Positive = 1.0
+    """standard deviation of the first generation's course, over half of an action's range"""
+
+    discounts = False
+    preference = MappingProxyType({"grid": 3, "box": 3})
+
+    def train(self, training: Training) -> Policy:
+        starts, steps = _LEAST_STARTS, 0
+        environment = training.make(starts * self.candidates)
+        family = Family.of(environment, self.knots)
+        search = _Search(self, family, training.seed)
+        due = np.linspace(0, training.steps, training.checkpoints + 1)[1:]
+        while True:
+            trial = Trial(environment, starts)
+            run = search.run(steps / training.steps)
+            steps += trial.play(family, run.ask(), training.steps - steps)
+            if trial.is_over:
+                run.tell(trial.returns.mean(axis=0))
+            policy, left = family.policy(search.best), training.steps - steps
+            reached = np.searchsorted(due, steps, side="right")
+            is_last = not trial.is_over or left < environment.count * environment.hold
+            if reached or is_last:
+                due = due[reached:]
+                if training.report(policy, steps) or is_last:
+                    return policy
+            if (wanted := min(trial.wanted, self.most_starts)) != starts:
+                if wanted * self.candidates * environment.hold > left:
+                    continue
+                starts, environment = wanted, training.make(wanted * self.candidates)
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        if isinstance(actions, ActionBox):
+            return ActorPolicy.of(arrays, actions)
+        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
+
+        return GreedyPolicy.of(arrays, actions.shape)
+
+
+@dataclass(frozen=True)
+class Family:
+    """Policies with numbers (axes, d + knots): gains on what is seen of the task, and the course at its knots.
+
+    They do not look at a method's inputs, of which there may be hundreds: the course stands for the memory.
+    """
+
+    actions: Actions
+    observed: int
+    """D, the size of an observation."""
+    inputs: int
+    """d. The first are of the task, and the time, in [-1, 1], follows."""
+    knots: int
+
+    @classmethod
+    def of(cls, environment: Environment, knots: int) -> Family:
+        return cls(environment.actions, environment.observation_size, environment.time_column, max(2, knots))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.actions.names), self.inputs + self.knots
+
+    @property
+    def spreads(self) -> Array:
+        """Of the numbers of a policy, over that of its course."""
+        spreads = np.ones(self.shape)
+        spreads[:, : self.inputs] = _GAIN / np.sqrt(self.inputs)
+        return spreads
+
+    def act(self, numbers: Array, observation: Array) -> Integers | Array:
+        """Actions (N,) of a grid, or (N, axes), of P policies (P, axes, d + knots), by turns, from (N, D)."""
+        place = np.clip((observation[:, self.inputs] + 1) / 2, 0, 1) * (self.knots - 1)
+        before = np.minimum(place.astype(np.int64), self.knots - 2)
+        which = np.arange(len(observation)) % len(numbers)
+        course = numbers[:, :, self.inputs :]
+        first, second = course[which, :, before], course[which, :, before + 1]
+        seen = observation[:, : self.inputs].reshape(-1, len(numbers), self.inputs)
+        output = np.einsum("spd,pad->spa", seen, numbers[:, :, : self.inputs]).reshape(first.shape)
+        output += first + (place - before)[:, None] * (second - first)
+        low, high = np.array(self.actions.low), np.array(self.actions.high)
+        vectors: Array = np.clip((low + high) / 2 + output * (high - low) / 2, low, high)
+        if isinstance(self.actions, ActionBox):
+            return vectors
+        return self._nearest(self.actions, vectors)
+
+    def _nearest(self, grid: ActionGrid, vectors: Array) -> Integers:
+        """The indices (N,) of the actions that are nearest to vectors (N, axes)."""
+        places = []
+        for column, axis in zip(vectors.T, map(np.array, grid.axes), strict=True):
+            places.append(np.searchsorted((axis[:-1] + axis[1:]) / 2, column))
+        index: Integers = np.ravel_multi_index(places, grid.shape)
+        return index
+
+    def policy(self, numbers: Array) -> Policy:
+        """One of them (axes, d + knots), as a network with a layer of ReLU: x = relu(x) - relu(-x)."""
+        gains, course = numbers[:, : self.inputs], numbers[:, self.inputs :]
+        at = np.linspace(-1, 1, self.knots)[:-1]
+        slopes = np.diff(course, axis=1) / np.diff(np.linspace(-1, 1, self.knots))
+        bends = np.diff(slopes, axis=1, prepend=0.0)
+        seen, clock = np.eye(self.observed, self.inputs), np.zeros((self.observed, len(at)))
+        clock[self.inputs] = 1
+        matrix, bias = np.hstack([seen, -seen, clock]), np.zeros(2 * self.inputs)
+        hidden = matrix.astype(np.float32), np.concatenate([bias, -at]).astype(np.float32)
+        out, rest = np.hstack([gains, -gains, bends]), course[:, 0]
+        if isinstance(self.actions, ActionBox):
+            low, high = np.array(self.actions.low), np.array(self.actions.high)
+            half = (high - low) / 2
+            last = (half[:, None] * out).T.astype(np.float32), ((low + high) / 2 + half * rest).astype(np.float32)
+            return ActorPolicy([hidden, last], self.actions, "relu", squashed=False)
+        return self._greedy(self.actions, hidden, out, rest)
+
+    def _greedy(self, grid: ActionGrid, hidden: tuple[Any, Any], out: Array, rest: Array) -> Policy:
+        """The nearest action of an axis has the greatest 2 a u - a^2, for the output u and an action a in [-1, 1]."""
+        from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+
+        rows, biases = [np.zeros((1, out.shape[1]))], [np.zeros(1)]
+        for i, axis in enumerate(map(np.array, grid.axes)):
+            low, high = axis.min(), axis.max()
+            each = (2 * axis - low - high) / (high - low) if high > low else np.zeros(len(axis))
+            rows.append(2 * each[:, None] * out[i])
+            biases.append(2 * each * rest[i] - each**2)
+        last = np.concatenate(rows).astype(np.float32), np.concatenate(biases).astype(np.float32)
+        network = QNetwork(self.observed, [len(hidden[1])], grid.shape, "additive")
+        return GreedyPolicy(network, [*hidden, *last])
+
+
+class Trial:
+    """An episode of P policies from each of some starts; the copies have the policies by turns."""
+
+    def __init__(self, environment: Environment, starts: int) -> None:
+        self._environment, count = environment, environment.count
+        self._sums, self._seen = np.zeros(count), environment.reset(alike=count // starts)
+        self._counts, self._over = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
+        self._starts = starts
+
+    def play(self, family: Family, numbers: Array, budget: int) -> int:
+        """Play until each copy has ended one whole episode, for about at most `budget` steps. The steps taken."""
+        environment, taken = self._environment, 0
+        each = environment.count * environment.hold
+        begun = self._seen[:, family.inputs] == -1
+        played = np.zeros(environment.count, dtype=np.int64)
+        while not self.is_over and (taken + each <= budget or not taken):
+            step = environment.step(family.act(numbers, self._seen))
+            taken += each
+            counts = begun & ~self._over
+            played += 1
+            left = np.where(step.event == Event.END, environment.decisions - played, 0)
+            self._sums[counts] += (step.reward * (1 + np.maximum(left, 0)))[counts]
+            ended = step.ended
+            self._over |= counts & ended
+            self._seen = step.observation
+            played[ended], begun[ended] = 0, self._seen[ended, family.inputs] == -1
+        return taken
+
+    @property
+    def is_over(self) -> bool:
+        return bool(self._over.all())
+
+    @property
+    def returns(self) -> Array:
+        """(starts, P)."""
+        return self._sums.reshape(self._starts, -1)
+
+    @property
+    def wanted(self) -> int:
+        """The starts that the next generation needs for its ranking."""
+        halves = [self.returns[half::2].mean(axis=0).argsort().argsort() for half in (0, 1)]
+        agreement = np.corrcoef(*halves)[0, 1]
+        if agreement < _DISAGREE:
+            return 2 * self._starts
+        return max(_LEAST_STARTS, self._starts // 2) if agreement > _AGREE else self._starts
+
+
+class _Run:
+    """A search from its own random numbers."""
+
+    def __init__(self, agent: CMAES, family: Family, seed: tuple[int, int]) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of optional packages that are not installed
+            import cma
+
+        generator = np.random.default_rng(seed)
+        options = {
+            "popsize": agent.candidates,
+            "CMA_stds": family.spreads.ravel(),
+            "CMA_diagonal": family.spreads.size > _FULL,
+            "seed": np.nan,  # it would seed NumPy for the whole process
+            "randn": lambda *shape: generator.standard_normal(shape),
+            "verbose": -9,
+        }
+        self._shape = family.shape
+        self._evolution = cma.CMAEvolutionStrategy(np.zeros(family.spreads.size), agent.spread, options)
+        self._worths = list[float]()
+
+    def ask(self) -> Array:
+        """Policies (P, axes, d + knots)."""
+        self._asked = self._evolution.ask()
+        return np.stack(self._asked).reshape(-1, *self._shape)
+
+    def tell(self, values: Array) -> None:
+        """What they are worth (P,)."""
+        self._evolution.tell(self._asked, (-values).tolist())
+        self._worths.append(float(values.mean()))
+
+    @property
+    def worth(self) -> float:
+        """The mean of the last generations, each from other starts."""
+        return float(np.mean(self._worths[-_LAST:])) if self._worths else -np.inf
+
+    @property
+    def mean(self) -> Array:
+        """Of the distribution: (axes, d + knots)."""
+        return np.array(self._evolution.mean).reshape(self._shape)
+
+
+class _Search:
+    """Runs by successive halving: each may end where no step leads on."""
+
+    def __init__(self, agent: CMAES, family: Family, seed: int) -> None:
+        self._runs = [_Run(agent, family, (seed, number)) for number in range(_RACING[0][0])]
+        self._racing = self._runs
+
+    def run(self, share: float) -> _Run:
+        """The one whose turn it is after such a share of the budget."""
+        begin = 0.0
+        for runs, end in _RACING:
+            if share < end or end == 1:
+                break
+            begin = end
+        if len(self._racing) > runs:
+            self._racing = sorted(self._racing, key=lambda run: run.worth, reverse=True)[:runs]
+        return self._racing[min(runs - 1, int(runs * (share - begin) / (end - begin)))]
+
+    @property
+    def best(self) -> Array:
+        return max(self._runs, key=lambda run: run.worth).mean
