@@ -276,11 +276,8 @@ class _Search:
 
     def run(self, share: float) -> _Run:
         """The one whose turn it is after such a share of the budget."""
-        begin = 0.0
-        for runs, end in _RACING:
-            if share < end or end == 1:
-                break
-            begin = end
+        stage = next((stage for stage, (_, end) in enumerate(_RACING) if share < end), len(_RACING) - 1)
+        begin, (runs, end) = _RACING[stage - 1][1] if stage else 0.0, _RACING[stage]
         if len(self._racing) > runs:
             self._racing = sorted(self._racing, key=lambda run: run.worth, reverse=True)[:runs]
         return self._racing[min(runs - 1, int(runs * (share - begin) / (end - begin)))]

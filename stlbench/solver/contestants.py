@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 
 from stlbench.contract import ActionGrid, Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.simulation.auto import aim_of, automatic, in_turn, scheduled
+from stlbench.simulation.auto import aim_of, automatic, in_turn
 from stlbench.solver.workspace import TASK
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods, load_task
@@ -81,20 +82,17 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
 
 
-def searcher(task: Task) -> Contestant | None:
+def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:
     """The first agent without a discount, with a method for sums of rewards; None where there is none.
 
-    It needs no windows to work towards, so it follows the formula itself where the method fits that.
+    It trains on the first of some choices of a task that such a method fits.
     """
-    for agent in agents_for(task.actions):
-        if _discounts(agent):
-            continue
-        bare = Choice(TASK.name, (("without", "schedule"),))
-        for choice in (TASK,) if scheduled(task) is None else (bare, TASK):
-            fitting = fitting_methods(automatic(load_task(choice), agent))
-            names = [name for name, method in fitting.items() if plugins.place(type(method), "sum") is not None]
-            if names:
-                return Contestant(in_turn({name: fitting[name] for name in names}, "sum")[0], agent, choice)
+    agents = [agent for agent in agents_for(task.actions) if not _discounts(agent)]
+    for agent, choice in product(agents, choices):
+        fitting = fitting_methods(automatic(load_task(choice), agent))
+        first = next(iter(in_turn(fitting, "sum")), None)
+        if first is not None and plugins.place(type(fitting[first]), "sum") is not None:
+            return Contestant(first, agent, choice)
     return None
 
 

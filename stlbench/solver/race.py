@@ -18,6 +18,7 @@ from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
+from stlbench.registry.choices import Choice
 from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, along, best_first, contestants, rank, resumes, searcher
 from stlbench.solver.outlook import Outlook, outlook
@@ -28,7 +29,6 @@ from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
 from stlbench.study.tuning import FIRST_SEED
 
-_SEARCH = "search"  # a budget
 _RUNG_RATIO = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
 _DELIVERY_SHARE = 0.2
@@ -36,7 +36,7 @@ _DELIVERY_SHARE = 0.2
 _PROBE_SHARE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
 _SUM_SHARE = 0.2
-"""Of the time, for an agent that maximises the sum of an episode's rewards."""
+"""Of the time, for a training by an agent without a discount; half as much for one that follows windows."""
 _PROBE_CHECKPOINTS = 10
 """Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
 _SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
@@ -155,13 +155,16 @@ class Trainer:
         if _satisfies(best):
             return best
         if self.start is None and not self._is_promising(best):
-            best = max([best, *self._searched()], key=rank)
-            if _satisfies(best):
-                return best
+            best = self._searched(self.workspace.unscheduled, "search", _SUM_SHARE, best)
         if rank(best)[0] == 0 and (found := self.workspace.search(60 * self.clock.minutes)):
             self.say(found)
         if self.start is None:
-            racing = list(along(racing, self.workspace.choices))
+            choices = self.workspace.choices
+            if len(choices) > 1 and not self._is_promising(best):
+                best = self._searched(choices[:1], "search-windows", _SUM_SHARE / 2, best)
+            racing = list(along(racing, choices))
+        if _satisfies(best):
+            return best
         methods = self.workspace.state["methods"]  # of a race that was stopped
         racing = racing[: self._plan(racing, best) if methods is None else len(methods)]
         rung = 1
@@ -175,17 +178,17 @@ class Trainer:
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best
 
-    def _searched(self) -> list[Result]:
-        """The result of an agent that maximises sums of rewards, in its share of the time; none if no agent does."""
-        if (contestant := searcher(self.workspace.task)) is None:
-            return []
-        self.say(f"search: {contestant} with {contestant.agent}")
-        task, given = self.workspace.task, _SUM_SHARE * 60 * self.clock.minutes
-        checkpoints, seconds = self._training(given, 0.0)
+    def _searched(self, choices: Sequence[Choice], budget: str, share: float, best: Result) -> Result:
+        """The better of a result and of that of an agent without a discount, on the first of some choices."""
+        if (contestant := searcher(self.workspace.task, choices)) is None:
+            return best
+        self.say(f"{contestant} with {contestant.agent}; {_score(best)}")
+        task = self.workspace.task
+        checkpoints, seconds = self._training(share * 60 * self.clock.minutes, 0.0)
         # its speed is not known; it is at most that of the simulation, and the seconds end it
         steps = int(seconds / self.workspace.episode_seconds * task.file.steps)
-        self._write(_SEARCH, steps, seconds / _OVERTIME, checkpoints, _PATIENCE)
-        return self.train(_SEARCH, [contestant], [FIRST_SEED], _satisfies)
+        self._write(budget, steps, seconds / _OVERTIME, checkpoints, _PATIENCE)
+        return max([best, *self.train(budget, [contestant], [FIRST_SEED], _satisfies)], key=rank)
 
     def kept(self) -> list[Result]:
         """What has been trained so far, the best first; at equal shares the final training before the race."""

@@ -88,6 +88,12 @@ class Workspace:
         """The task with another schedule, if it has one, and the task."""
         return (*(Choice(TASK.name, (("schedule", name),)) for name in self.task.file.schedules), TASK)
 
+    @property
+    def unscheduled(self) -> tuple[Choice, ...]:
+        """The task with its formula as it is, where it has a schedule, and the task."""
+        bare = Choice(TASK.name, (("without", "schedule"),))
+        return (TASK,) if scheduled(self.task) is None else (bare, TASK)
+
     def search(self, seconds: float) -> str | None:
         """Search for witnesses, keep the first, and write another schedule; what to say of it, once."""
         if self.state.get("searched"):
