@@ -27,7 +27,7 @@ from stlbench.contract import (
     Training,
 )
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.training import Count, Positive
+from stlbench_agents.training import Count, Positive, refuse_other
 
 _LEAST_STARTS = 2
 _AGREE, _DISAGREE = 0.9, 0.5
@@ -35,6 +35,8 @@ _AGREE, _DISAGREE = 0.9, 0.5
 suffice; below the second, twice as many are needed."""
 _RACING = ((2, 0.3), (1, 1.0))
 """So many runs, by turns, up to this share of the budget."""
+_RESUMED = 0.2
+"""Of the spread, where a search starts from an earlier policy."""
 _LAST = 10
 """Generations that say what a run is worth."""
 _FULL = 200
@@ -56,6 +58,7 @@ class CMAES(Agent):
     spread: Positive = 1.0
     """standard deviation of the first generation's course, over half of an action's range"""
 
+    resumes = True
     discounts = False
     preference = MappingProxyType({"grid": 3, "box": 3})
 
@@ -63,7 +66,10 @@ class CMAES(Agent):
         starts, steps = _LEAST_STARTS, 0
         environment = training.make(starts * self.candidates)
         family = Family.of(environment, self.knots)
-        search = _Search(self, family, training.seed)
+        begun = np.zeros(family.shape)
+        if training.initial is not None:
+            begun = family.numbers(self.restore(training.initial, environment.actions))
+        search = _Search(self, family, begun, training)
         due = np.linspace(0, training.steps, training.checkpoints + 1)[1:]
         while True:
             trial = Trial(environment, starts)
@@ -177,6 +183,24 @@ class Family:
         network = QNetwork(self.observed, [len(hidden[1])], grid.shape, "additive")
         return GreedyPolicy(network, [*hidden, *last])
 
+    def numbers(self, policy: Policy) -> Array:
+        """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for a network of another size."""
+        if isinstance(policy, ActorPolicy):
+            low, high = np.array(self.actions.low), np.array(self.actions.high)
+            first, (matrix, bias) = policy.layers[0], policy.layers[-1]
+            half = (high - low) / 2
+            out, rest = matrix.T / half[:, None], (bias - (low + high) / 2) / half
+        else:
+            assert isinstance(self.actions, ActionGrid)
+            *first, matrix, bias = policy.weights
+            greatest = np.cumsum(self.actions.shape)  # rows of the action 1 of each axis
+            out, rest = matrix[greatest] / 2, (bias[greatest] + 1) / 2
+        refuse_other([self.observed, 2 * self.inputs + self.knots - 1], list(first[0].shape))
+        slopes = np.cumsum(out[:, 2 * self.inputs :], axis=1)
+        steps = np.cumsum(slopes * np.diff(np.linspace(-1, 1, self.knots)), axis=1)
+        course = rest[:, None] + np.pad(steps, ((0, 0), (1, 0)))
+        return np.hstack([out[:, : self.inputs], course]).astype(np.float64)
+
 
 class Trial:
     """An episode of P policies from each of some starts; the copies have the policies by turns."""
@@ -226,9 +250,9 @@ class Trial:
 
 
 class _Run:
-    """A search from its own random numbers."""
+    """A search from some numbers (axes, d + knots), with its own random numbers."""
 
-    def __init__(self, agent: CMAES, family: Family, seed: tuple[int, int]) -> None:
+    def __init__(self, agent: CMAES, family: Family, begun: Array, spread: float, seed: tuple[int, int]) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of optional packages that are not installed
             import cma
@@ -243,7 +267,7 @@ class _Run:
             "verbose": -9,
         }
         self._shape = family.shape
-        self._evolution = cma.CMAEvolutionStrategy(np.zeros(family.spreads.size), agent.spread, options)
+        self._evolution = cma.CMAEvolutionStrategy(begun.ravel(), spread, options)
         self._worths = list[float]()
 
     def ask(self) -> Array:
@@ -270,8 +294,9 @@ class _Run:
 class _Search:
     """Runs by successive halving: each may end where no step leads on."""
 
-    def __init__(self, agent: CMAES, family: Family, seed: int) -> None:
-        self._runs = [_Run(agent, family, (seed, number)) for number in range(_RACING[0][0])]
+    def __init__(self, agent: CMAES, family: Family, begun: Array, training: Training) -> None:
+        spread = agent.spread * (1.0 if training.initial is None else _RESUMED)
+        self._runs = [_Run(agent, family, begun, spread, (training.seed, number)) for number in range(_RACING[0][0])]
         self._racing = self._runs
 
     def run(self, share: float) -> _Run:

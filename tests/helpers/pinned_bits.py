@@ -112,6 +112,7 @@ _DQN = (
 _DQN_ALL = (_DQN, "head=additive,averaging=0", "double=false", "time_limit=terminal", "bounded=true")
 AGENTS: Mapping[str, tuple[str, ...]] = {
     "best-possible": ("resolution=0.7,actions=5",),
+    "cma-es": ("candidates=6,most_starts=4,knots=3,spread=0.5",),
     "dqn": _DQN_ALL,
     "dqn-per-robot": _DQN_ALL,
     "planner": ("resolution=0.7,actions=5,gamma=0.8", "memories=4,rounded=2"),

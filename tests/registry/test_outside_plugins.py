@@ -14,7 +14,7 @@ import pytest
 from stlbench.contract import ActionBox, ActionGrid, Array, Integers, RewardMethod
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.simulation.auto import in_turn
+from stlbench.simulation.auto import aim_of, in_turn
 from stlbench.solver.contestants import contestants
 from stlbench.study.cell import on_track
 from stlbench.study.plan import plan_cells
@@ -85,8 +85,8 @@ def test_an_agent_from_outside_has_its_recipe_on_auto(installed: Callable[[str],
 
 def test_an_agent_from_outside_races_and_takes_no_task_over(installed: Callable[[str], None]) -> None:
     installed("{}")
-    assert list(agents_for(GRID)) == ["dqn", "zz-own", "sb3-dqn"]
-    assert list(agents_for(BOX)) == ["td3", "sb3-sac"]
+    assert list(agents_for(GRID)) == ["dqn", "zz-own", "sb3-dqn", "cma-es"]
+    assert list(agents_for(BOX)) == ["td3", "sb3-sac", "cma-es"]
     assert agent_for(GRID) == "dqn"
     last = contestants(load_task("overlap"), 60)[-1]
     assert (last.method, last.agent) == ("funnel", "zz-own")
@@ -109,4 +109,4 @@ def test_a_method_from_outside_has_its_place_and_one_made_of_another_has_none() 
     task = load_task("overlap")
     fitting: dict[str, Any] = {name: build_method(task, name) for name in ("cfer", "flag", "raw", "funnel")}
     fitting |= {"zz-made": type("Made", (First,), {})(task.specification), "zz-first": First(task.specification)}
-    assert in_turn(fitting, task.formula) == ("funnel", "zz-first", "raw", "zz-made", "cfer", "flag")
+    assert in_turn(fitting, aim_of(task.formula)) == ("funnel", "zz-first", "raw", "zz-made", "cfer", "flag")

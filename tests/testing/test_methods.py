@@ -98,7 +98,7 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
     [
         (broken(scale=0.0), "scale is positive and finite; got 0.0"),
         (broken(scale=100.0), "rewards are at most about scale = 100 in size"),
-        (broken(preference={"grid": 1}), "preference has places from 1 on for some of recurring, other; got"),
+        (broken(preference={"grid": 1}), "preference has places from 1 on for some of recurring, other, sum; got"),
         (broken(floor=0.5), r"Broken: no reward in the box of the signals is below its floor = 0\.5; got -"),
         (broken(describe=lambda self: {"when": np.arange(3)}), "describe gives what JSON can hold"),
         (

@@ -1,0 +1,118 @@
+"""cma-es: the worth of a policy, by hand; and the policy that is reported is the one that was tried."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.line_task import line
+
+from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Arrays, Policy, Training, Unsuitable
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.referee import Referee
+from stlbench.task import build_method
+from stlbench_agents.cma_es import CMAES, Family, Trial
+
+FILE: dict[str, Any] = {
+    "formula": "G[9,12] (abs(x - 1) <= 0.4)",
+    "steps": 12,
+    "initial": {"box": {"x": [-3, 3]}},
+    "starts": 32,
+    "actions": {"v": {"low": -1, "high": 1}},
+}
+"""From [-3, 3] to within 0.4 of 1 after 8 of 12 steps of at most 0.5."""
+TASK = line(**FILE)
+TLTL = build_method(TASK, "tltl")
+EASY = line(**FILE | {"formula": "G[9,12] (abs(x - 1) <= 0.8)"})
+EASY_TLTL = build_method(EASY, "tltl")
+SPEEDS = np.array([-1.0, 0.0, 0.5])
+BOX = ActionBox(("a", "b"), (-1.0, 0.0), (3.0, 0.5))
+GRID = ActionGrid(("a", "b"), ((-1.0, 0.0, 0.5, 3.0), (0.0, 0.25, 0.5)))
+
+
+def constant(family: Family) -> Array:
+    """Policies with the speeds, whatever they see."""
+    numbers = np.zeros((len(SPEEDS), *family.shape))
+    numbers[:, 0, family.inputs :] = SPEEDS[:, None]
+    return numbers
+
+
+def trained(steps: int, initial: Arrays | None = None) -> Policy:
+    make = lambda count: BatchEnvironment(EASY, EASY_TLTL, count, seed=1)  # noqa: E731
+    return CMAES().train(Training(make, steps, 3, lambda policy, at: None, checkpoints=4, initial=initial))
+
+
+def test_a_policy_is_worth_its_robustness_from_starts_that_all_policies_share() -> None:
+    environment = BatchEnvironment(TASK, TLTL, 4 * len(SPEEDS), seed=0)
+    family, trial = Family.of(environment, 5), Trial(environment, 4)
+    begun = environment.simulator.signals.reshape(4, len(SPEEDS))
+    assert (begun == begun[:, :1]).all()
+    assert len(np.unique(begun)) == 4
+    assert trial.play(family, constant(family), 10_000) == 12 * 12
+    late = np.arange(9, 13)[:, None, None]
+    by_hand = (0.4 - np.abs(begun + 0.5 * SPEEDS * late - 1)).min(axis=0)
+    assert trial.is_over
+    assert trial.returns * TLTL.scale == pytest.approx(by_hand)
+
+
+def test_an_early_end_counts_for_each_decision_that_is_left() -> None:
+    task = line(training={"ends": [{"where": "violation"}]}, initial={"box": {"x": [0, 0]}})
+    method = build_method(task, "tltl")
+    environment = BatchEnvironment(task, method, 2 * len(SPEEDS), seed=0)
+    family, trial = Family.of(environment, 2), Trial(environment, 2)
+    speeds = np.where(constant(family) == 0.5, 1.0, constant(family))  # 0.5, 1 and 1.5 at the steps 1 to 3 of 8
+    trial.play(family, speeds, 10_000)
+    assert trial.returns[:, 2] == pytest.approx(6 * method.floor / method.scale)
+    assert (trial.returns[:, :2] > 0).all()
+
+
+def test_a_trial_ends_with_the_budget() -> None:
+    environment = BatchEnvironment(TASK, TLTL, 2 * len(SPEEDS), seed=0)
+    family, trial = Family.of(environment, 5), Trial(environment, 2)
+    assert trial.play(family, constant(family), 40) == 36
+    assert not trial.is_over
+
+
+@pytest.mark.parametrize(("agreement", "starts"), [(1, 4), (-1, 16), (0.7, 8)])
+def test_starts_are_as_many_as_the_ranking_needs(agreement: float, starts: int) -> None:
+    trial = Trial(BatchEnvironment(TASK, TLTL, 8 * 10, seed=0), 8)
+    one = np.arange(10.0)
+    other = {1: one, -1: one[::-1], 0.7: np.array([2.0, 1, 0, 6, 3, 5, 4, 9, 8, 7])}[agreement]
+    trial.returns[:] = np.tile([one, other], (4, 1))
+    assert trial.wanted == starts
+
+
+@pytest.mark.parametrize("actions", [BOX, GRID])
+def test_the_reported_policy_is_the_one_that_was_tried(actions: Actions) -> None:
+    generator = np.random.default_rng(0)
+    family = Family(actions, observed=7, inputs=4, knots=6)
+    numbers, seen = generator.standard_normal(family.shape), generator.uniform(-1, 1, (2000, 7))
+    reported = family.policy(numbers)
+    tried, told = family.act(numbers[None], seen), reported.act(seen.astype(np.float32).astype(np.float64))
+    restored = CMAES.restore(reported.arrays() or {}, actions).act(seen)
+    assert np.array_equal(restored, reported.act(seen))
+    assert family.numbers(reported) == pytest.approx(numbers, abs=1e-5)
+    if isinstance(actions, ActionBox):
+        assert told == pytest.approx(tried, abs=1e-5)
+        assert (told.min(axis=0) == actions.low).all()
+    else:
+        assert np.mean(told == tried) > 0.999  # single precision tells the middle of two actions otherwise
+        assert len(np.unique(told)) == actions.size
+
+
+def test_it_goes_on_from_a_policy_and_refuses_one_of_another_size() -> None:
+    family = Family(BOX, observed=7, inputs=4, knots=6)
+    policy = family.policy(np.zeros(family.shape))
+    with pytest.raises(Unsuitable, match=r"13 and 14|has 13 hidden units, and 15 are needed"):
+        Family(BOX, observed=7, inputs=4, knots=8).numbers(policy)
+    seen, good = np.linspace([-1.0, 0, -1, 0], 1, 50), trained(20_000)
+    assert trained(1, good.arrays()).act(seen) == pytest.approx(good.act(seen), abs=1e-4)
+    assert abs(trained(1).act(seen) - good.act(seen)).max() > 0.1
+
+
+def test_it_learns_to_go_to_a_point_and_stay() -> None:
+    """At random 6 %, by the best constant action 25 % of the starts satisfy. NumPy's own random numbers stay."""
+    before = str(np.random.get_state())  # noqa: NPY002
+    assert Referee(EASY, EASY_TLTL).select(trained(20_000))[0] >= 0.8
+    assert before == str(np.random.get_state())  # noqa: NPY002
