@@ -51,8 +51,9 @@ class CMAES(Agent):
 
     candidates: Count = 32
     """policies of a generation"""
-    most_starts: Count = 32
-    """initial states from which each is tried, at most; those of a generation are the same for all"""
+    most_starts: Count = 8
+    """initial states from which each is tried, at most; those of a generation are the same for all. There are as many
+    copies of the environment as candidates times starts"""
     knots: Count = 20
     """points in time between which the course is linear"""
     spread: Positive = 1.0

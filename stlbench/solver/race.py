@@ -37,6 +37,8 @@ _PROBE_SHARE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
 _SUM_SHARE = 0.2
 """Of the time, for a training by an agent without a discount; half as much for one that follows windows."""
+_LEAST_SUM_EPISODES = 1000
+"""Episodes of such a training, at least: fewer teach it nothing."""
 _PROBE_CHECKPOINTS = 10
 """Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
 _SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
@@ -180,13 +182,14 @@ class Trainer:
 
     def _searched(self, choices: Sequence[Choice], budget: str, share: float, best: Result) -> Result:
         """The better of a result and of that of an agent without a discount, on the first of some choices."""
-        if (contestant := searcher(self.workspace.task, choices)) is None:
-            return best
-        self.say(f"{contestant} with {contestant.agent}; {_score(best)}")
         task = self.workspace.task
         checkpoints, seconds = self._training(share * 60 * self.clock.minutes, 0.0)
         # its speed is not known; it is at most that of the simulation, and the seconds end it
-        steps = int(seconds / self.workspace.episode_seconds * task.file.steps)
+        episodes = seconds / self.workspace.episode_seconds
+        if episodes < _LEAST_SUM_EPISODES or (contestant := searcher(task, choices)) is None:
+            return best
+        self.say(f"{contestant} with {contestant.agent}; {_score(best)}")
+        steps = int(episodes * task.file.steps)
         self._write(budget, steps, seconds / _OVERTIME, checkpoints, _PATIENCE)
         return max([best, *self.train(budget, [contestant], [FIRST_SEED], _satisfies)], key=rank)
 

@@ -16,7 +16,7 @@ from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.simulation.auto import PATIENCE, automatic
-from stlbench.solver.contestants import Contestant, along, best_first, contestants
+from stlbench.solver.contestants import Contestant, along, best_first, contestants, searcher
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
@@ -110,6 +110,7 @@ def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: 
     trained = raced(30.0)
     assert [(budget, method, seed) for budget, method, _, seed in played.cells] == [
         ("probe", "funnel", 100),
+        ("search", "tltl", 100),
         ("rung-1", "funnel", 101),
         ("rung-1", "raw", 101),
         ("final", "raw", 200),
@@ -125,6 +126,7 @@ def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.Monke
     budgets = load_task("task").file.budgets
     assert {name: budget.patience for name, budget in budgets.items()} == {
         "probe": 1,
+        "search": 1,
         "rung-1": 1,
         "rung-2": 1,
         "final": None,
@@ -150,7 +152,35 @@ def test_a_policy_that_was_good_for_a_moment_does_not_end_the_race(monkeypatch: 
     played = Played(monkeypatch, {("funnel", 101): 0.95})
     played.last[("funnel", 101)] = 0.0
     raced(30.0)
-    assert [cell[:2] for cell in played.cells[:3]] == [("probe", "funnel"), ("rung-1", "funnel"), ("rung-1", "raw")]
+    assert [cell[:2] for cell in played.cells[2:4]] == [("rung-1", "funnel"), ("rung-1", "raw")]
+
+
+def test_a_search_that_satisfies_ends_the_race(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {("tltl", 100): 1.0, ("tltl", 200): 1.0})
+    raced(10.0)
+    assert [cell[:3] for cell in played.cells] == [
+        ("probe", "funnel", "dqn"),
+        ("search", "tltl", "cma-es"),
+        ("final", "tltl", "cma-es"),
+    ]
+
+
+def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
+    workspace = pose(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out"))
+    assert workspace.unscheduled == (parse_choice("task[without=schedule]"), TASK)
+    workspace.begin(30.0)
+    Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
+    assert [cell[0] for cell in played.cells[:4]] == ["probe", "search", "search-windows", "rung-1"]
+
+
+def test_a_search_needs_episodes_and_a_method_for_sums(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {})
+    monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.3)
+    raced(10.0)  # a fifth of them is 120 s, for 400 episodes
+    assert "search" not in {cell[0] for cell in played.cells}
+    past = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("past"))
+    assert searcher(past.task, past.unscheduled) is None
 
 
 def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,8 +194,8 @@ def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.Monk
     played = Played(monkeypatch, {})
     trained = raced(3.0)
     assert played.now <= 180
-    assert [cell[0] for cell in played.cells] == ["probe", "rung-1", "rung-1"]
-    assert {result.id.budget for result in trained} <= {"probe", "rung-1"}
+    assert [cell[0] for cell in played.cells] == ["probe", "search", "rung-1"]
+    assert {result.id.budget for result in trained} <= {"probe", "search", "rung-1"}
 
 
 @pytest.mark.parametrize(("jobs", "seeds"), [(1, [200]), (2, [200, 201])])
