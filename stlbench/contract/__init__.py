@@ -59,6 +59,7 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `Agent.restore`, `Policy.arrays`, `Policy.onnx` | policies that are stored and exported |
 | `Agent.uncompiled`, `preload` | agents that compile code or load large libraries |
 | `Agent.plans`, `Model`, `End`, `StatePolicy` | agents that plan |
+| `Agent.discounts`, `Environment.reset(alike)` | agents that search for the greatest return from common starts |
 | `Agent.trains` | agents without training, such as a controller |
 | `Agent.resumes`, `Training.initial` | agents that start from an earlier policy |
 | `Work.prepare`, `log`, `facts` | executors that fork, store output, or use other machines |

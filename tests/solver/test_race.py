@@ -174,13 +174,14 @@ def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.Mo
     assert [cell[0] for cell in played.cells[:4]] == ["probe", "search", "search-windows", "rung-1"]
 
 
-def test_a_search_needs_episodes_and_a_method_for_sums(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {})
     monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.3)
     raced(10.0)  # a fifth of them is 120 s, for 400 episodes
     assert "search" not in {cell[0] for cell in played.cells}
     past = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("past"))
-    assert searcher(past.task, past.unscheduled) is None
+    assert searcher(past.task, past.unscheduled) == Contestant("tltl", "cma-es", TASK)
+    assert searcher(past.task, past.unscheduled[:1]) is None
 
 
 def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
