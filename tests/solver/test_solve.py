@@ -118,6 +118,12 @@ def test_what_draws_does_not_complain_of_a_missing_display(tmp_path: Path) -> No
     assert "XDG_RUNTIME_DIR" not in done.stderr
 
 
+@pytest.fixture(autouse=True)
+def without_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes a share of the minutes, whatever the budgets are. test_race.py has its rules."""
+    monkeypatch.setattr("stlbench.solver.race._SUM_SHARE", 0.0)
+
+
 def small(environment: str, formula: str | None, **signals: str) -> None:
     """Pose a problem, and choose methods and budgets of seconds, as a user may who edits the files."""
     workspace = pose(Problem(environment, formula, signals), Path("out"))
@@ -266,16 +272,17 @@ def test_other_minutes_have_other_budgets() -> None:
 
 
 @pytest.mark.usefixtures("made")
-@pytest.mark.parametrize("method", ["raw", "flag"])
+@pytest.mark.parametrize(("method", "agent"), [("raw", None), ("flag", None), ("tltl", "cma-es")])
 @pytest.mark.parametrize("environment", [POINT, "hold-disc"])
-def test_a_policy_acts_as_the_referee_lets_it(environment: str, method: str) -> None:
+def test_a_policy_acts_as_the_referee_lets_it(environment: str, method: str, agent: str | None) -> None:
     formula = "F[0,16] G[0,8] d <= 0.5" if environment == POINT else None
     workspace = pose(Problem(environment, formula, DISTANCE if environment == POINT else {}), Path("out"))
     workspace.budget(
         "probe", steps=64 * workspace.task.file.hold, seeds=1, deadline=300.0, checkpoints=1, random_starts=0
     )
+    agents = agent and [agent]
     study = {"tasks": [workspace.task.choice], "methods": [method], "seeds": [0], "budget": "probe", "track": "auto"}
-    (result,) = run_study(**study, results="cells", jobs=1)
+    (result,) = run_study(**study, agents=agents, results="cells", jobs=1)
     assert result.measurement is not None, result.reason
     loaded = Results.load("cells").policy(result.id)
     start = loaded.task.starts.report_and_selection()[0][:1]
