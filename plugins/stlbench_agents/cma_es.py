@@ -9,9 +9,10 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from stlbench.contract import (
     ActionBox,
@@ -31,8 +32,8 @@ from stlbench_agents.training import Count, Positive, refuse_other
 
 _LEAST_STARTS = 2
 _AGREE, _DISAGREE = 0.9, 0.5
-"""Correlations of two halves of the starts in how they rank the candidates. Above the first, half as many starts
-suffice; below the second, twice as many are needed."""
+"""Correlations of two halves of the starts in how they rank the candidates. Above the first, the next generation has
+half as many starts; below the second, twice as many."""
 _RACING = ((2, 0.3), (1, 1.0))
 """So many runs, by turns, up to this share of the budget."""
 _RESUMED = 0.2
@@ -49,7 +50,7 @@ _GAIN = 6.0
 class CMAES(Agent):
     """CMA-ES over policies that are linear in the observation, plus a course over time."""
 
-    candidates: Count = 32
+    candidates: Annotated[int, Field(ge=4)] = 32
     """policies of a generation"""
     most_starts: Count = 8
     """initial states from which each is tried, at most; those of a generation are the same for all. There are as many
@@ -78,11 +79,11 @@ class CMAES(Agent):
             steps += trial.play(family, run.ask(), training.steps - steps)
             if trial.is_over:
                 run.tell(trial.returns.mean(axis=0))
-            policy, left = family.policy(search.best), training.steps - steps
+            left = training.steps - steps
             reached = np.searchsorted(due, steps, side="right")
             is_last = not trial.is_over or left < environment.count * environment.hold
             if reached or is_last:
-                due = due[reached:]
+                policy, due = family.policy(search.best), due[reached:]
                 if training.report(policy, steps) or is_last:
                     return policy
             if (wanted := min(trial.wanted, self.most_starts)) != starts:
@@ -192,9 +193,11 @@ class Family:
             half = (high - low) / 2
             out, rest = matrix.T / half[:, None], (bias - (low + high) / 2) / half
         else:
-            assert isinstance(self.actions, ActionGrid)
+            from stlbench_agents.q_learner import GreedyPolicy
+
+            assert isinstance(policy, GreedyPolicy)
             *first, matrix, bias = policy.weights
-            greatest = np.cumsum(self.actions.shape)  # rows of the action 1 of each axis
+            greatest = np.cumsum(policy.network.grid)  # rows of the action 1 of each axis
             out, rest = matrix[greatest] / 2, (bias[greatest] + 1) / 2
         refuse_other([self.observed, 2 * self.inputs + self.knots - 1], list(first[0].shape))
         slopes = np.cumsum(out[:, 2 * self.inputs :], axis=1)
@@ -209,8 +212,7 @@ class Trial:
     def __init__(self, environment: Environment, starts: int) -> None:
         self._environment, count = environment, environment.count
         self._sums, self._seen = np.zeros(count), environment.reset(alike=count // starts)
-        self._counts, self._over = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
-        self._starts = starts
+        self._over, self._starts = np.zeros(count, dtype=np.bool_), starts
 
     def play(self, family: Family, numbers: Array, budget: int) -> int:
         """Play until each copy has ended one whole episode, for about at most `budget` steps. The steps taken."""
