@@ -189,17 +189,17 @@ class Family:
         """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for a network of another size."""
         if isinstance(policy, ActorPolicy):
             low, high = np.array(self.actions.low), np.array(self.actions.high)
-            first, (matrix, bias) = policy.layers[0], policy.layers[-1]
+            (first, _), (matrix, bias) = policy.layers[0], policy.layers[-1]
             half = (high - low) / 2
             out, rest = matrix.T / half[:, None], (bias - (low + high) / 2) / half
         else:
             from stlbench_agents.q_learner import GreedyPolicy
 
             assert isinstance(policy, GreedyPolicy)
-            *first, matrix, bias = policy.weights
+            first, _, matrix, bias = policy.weights
             greatest = np.cumsum(policy.network.grid)  # rows of the action 1 of each axis
             out, rest = matrix[greatest] / 2, (bias[greatest] + 1) / 2
-        refuse_other([self.observed, 2 * self.inputs + self.knots - 1], list(first[0].shape))
+        refuse_other([self.observed, 2 * self.inputs + self.knots - 1], list(first.shape))
         slopes = np.cumsum(out[:, 2 * self.inputs :], axis=1)
         steps = np.cumsum(slopes * np.diff(np.linspace(-1, 1, self.knots)), axis=1)
         course = rest[:, None] + np.pad(steps, ((0, 0), (1, 0)))
