@@ -27,6 +27,7 @@ from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.share.onnx import export
 from stlbench.simulation.references import references
+from stlbench.solver import tries
 from stlbench.solver.contestants import rank
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
@@ -154,7 +155,7 @@ class Delivery:
             lines.append(f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}.")
         found = sorted((self.folder / "counterexample").glob("*.png"))
         pictures = [path for path in (self.folder / "film.gif", *found) if path.is_file()]
-        return Opening([*lines, *self.workspace.notes], [*asked.items()], pictures, file.title)
+        return Opening([*lines, *self._notes(facts)], [*asked.items()], pictures, file.title)
 
     def _film(self) -> None:
         filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)
@@ -167,6 +168,11 @@ class Delivery:
 
     # ------------------------------------------------------------------------------------------------------- the text
 
+    def _notes(self, facts: Mapping[str, Any]) -> list[str]:
+        """What the user should know of the problem, without doubts that the policy refutes."""
+        refuted = tries.DOUBTS if facts["probability"] >= LEARNED else ()
+        return [note for note in self.workspace.notes if not note.startswith(refuted)]
+
     def _text(
         self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None, remarks: Sequence[str]
     ) -> Iterator[str]:
@@ -177,12 +183,12 @@ class Delivery:
         yield f"Formula, in steps of {task.file.sampling_time:g} s: `{task.formula}`\n"
         cell = self.best.id
         yield f"Trained by {cell.method} with {cell.agent}, seed {cell.seed}, on the track auto."
-        if cell.task != TASK:
+        if task.file.schedule is not None and cell.task != TASK:
             yield f"It followed these windows: `{task.file.schedule}`."
         yield from self._comparison()
         if attacked is not None:
             yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."
-        yield from (f"\n- {line}" for line in (*self.workspace.notes, *remarks))
+        yield from (f"\n- {line}" for line in (*self._notes(facts), *remarks))
         if facts["probability"] < LEARNED:
             yield from ("", "## What is missing", "", *self._missing())
         yield from ("", "## Run the policy", "", "```python", *_lines(task, self.problem, self.folder), "```", "")

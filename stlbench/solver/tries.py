@@ -184,6 +184,10 @@ def of_search(nearest: Nearest | None) -> str:
     return f"no witness was found: {tried} reach at most {nearest.robustness:.3g}; others may satisfy"
 
 
+DOUBTS = ("perhaps too fast: ", "impossible, if ", "no witness was found: ")
+"""The beginnings of notes that a policy refutes which satisfies."""
+
+
 def notes(task: Task, found: baselines.Constants, random: Score, repeatable: bool) -> Iterator[str]:
     if not repeatable:
         yield "the environment ignores seeds: no episode can be repeated, so no counterexample is searched"

@@ -8,7 +8,8 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -21,8 +22,9 @@ import stlbench
 from stlbench.cli import app
 from stlbench.errors import UsageError
 from stlbench.simulation import referee
+from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, rank
-from stlbench.solver.deliver import sentence
+from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.outlook import outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.solution import Solution
@@ -131,6 +133,16 @@ def small(environment: str, formula: str | None, **signals: str) -> None:
     for name in ("probe", "rung-1", "final"):
         workspace.budget(name, steps=640, seeds=1, deadline=300.0, checkpoints=2, random_starts=0)
     workspace.remember(methods=["funnel", "raw"])
+
+
+@pytest.mark.parametrize(("probability", "told"), [(0.99, 1), (0.5, 3)])
+def test_a_policy_that_satisfies_refutes_the_doubts(probability: float, told: int) -> None:
+    task = pose(Problem("Pendulum-v1", "F[0,2] x >= 1 & F[3,6] x <= -1", {}), Path("out"))
+    (doubt,) = (note for note in task.notes if "too fast" in note)
+    nearest = tries.Nearest(-1.0, 5, (), np.empty(0), np.empty(0))
+    notes = (doubt, tries.of_search(nearest), "the environment ignores seeds")
+    delivery = cast(Any, SimpleNamespace(workspace=SimpleNamespace(notes=notes)))
+    assert len(Delivery._notes(delivery, {"probability": probability})) == told
 
 
 def test_a_certificate_in_words() -> None:
