@@ -13,8 +13,8 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.simulation.auto import aim_of, automatic, in_turn
-from stlbench.solver.workspace import TASK
+from stlbench.simulation.auto import aim_of, automatic, in_turn, scheduled
+from stlbench.solver.workspace import TASK, UNSCHEDULED
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods, load_task
 from stlbench.task.build import INIT
@@ -69,7 +69,7 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
     Alone the one that trained the policy from which all start, if there is such a policy.
     """
     if known is not None:
-        return (replace(known, task=TASK),)
+        return (again(known, task),)
     own = own_agent_on(task, "auto")
     derived = automatic(task, own)
     fitting = fitting_methods(derived)
@@ -80,6 +80,12 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
         methods = tuple(sorted(methods, key=lambda name: fitting[name].counterfactuals > 0))
     second = [Contestant(methods[0], agent) for agent in _second(task, own) if minutes >= _LONG]
     return (*(Contestant(method, own) for method in methods[: _MOST - len(second)]), *second)
+
+
+def again(known: Contestant, task: Task) -> Contestant:
+    """Who trained, on another task: on its formula as it is if it was so, else by its schedule."""
+    bare = dict(known.task.parameters).get("without") == "schedule" and scheduled(task) is not None
+    return replace(known, task=UNSCHEDULED if bare else TASK)
 
 
 def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:

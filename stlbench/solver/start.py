@@ -11,11 +11,11 @@ from stlbench.records.observation import Observation
 from stlbench.records.result_files import cell_files
 from stlbench.simulation.auto import automatic
 from stlbench.simulation.worlds import observation_of
-from stlbench.solver.contestants import Contestant, resumes
+from stlbench.solver.contestants import Contestant, again, resumes
 from stlbench.solver.solution import FILE, cells_of, certificate_of
 from stlbench.study.initial import Initial, read
 from stlbench.study.results import Results
-from stlbench.task import Task, build_agent, build_method
+from stlbench.task import Task, build_agent, build_method, load_task
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Start:
     def check(self, task: Task) -> None:
         """Raises `UsageError` where trainings on a task cannot start from it."""
         method, agent = self.trained_by.method, self.trained_by.agent
-        helped = automatic(task, agent)
+        helped = automatic(load_task(again(self.trained_by, task).task), agent)
         if not resumes(agent):
             raise UsageError(f"--from: agent {agent} cannot start from a policy")
         try:

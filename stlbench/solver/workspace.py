@@ -31,6 +31,7 @@ from stlbench.task.reading import file_of
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
+UNSCHEDULED = Choice(TASK.name, (("without", "schedule"),))
 _ASKED, _FILE, WITNESS = "solve.json", "task.yaml", "witness.json"
 WITNESSED, WIDE = "witness", "wide"
 """Schedules in the task file: around witnesses, and with wider windows at a share of the greatest pace."""
@@ -91,8 +92,7 @@ class Workspace:
     @property
     def unscheduled(self) -> tuple[Choice, ...]:
         """The task with its formula as it is, where it has a schedule, and the task."""
-        bare = Choice(TASK.name, (("without", "schedule"),))
-        return (TASK,) if scheduled(self.task) is None else (bare, TASK)
+        return (TASK,) if scheduled(self.task) is None else (UNSCHEDULED, TASK)
 
     def search(self, seconds: float) -> str | None:
         """Search for witnesses, keep the first, and write another schedule; what to say of it, once."""

@@ -16,7 +16,7 @@ from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.simulation.auto import PATIENCE, automatic
-from stlbench.solver.contestants import Contestant, along, best_first, contestants, searcher
+from stlbench.solver.contestants import Contestant, again, along, best_first, contestants, searcher
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
@@ -236,6 +236,15 @@ def test_methods_that_race() -> None:
     assert contestants(again, 10)[0] == Contestant("funnel", "td3")  # its schedule has no F inside of G
     assert len(contestants(again, 10)) <= 4
     assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
+
+
+def test_who_goes_on_trains_on_the_formula_as_it_is_if_it_did_so_before() -> None:
+    nested = pose(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out")).task
+    by = {choice: Contestant("tltl", "cma-es", parse_choice(choice)) for choice in ("task[without=schedule]", "task")}
+    assert [str(again(who, nested).task) for who in by.values()] == [*by]
+    assert again(Contestant("raw", "dqn", parse_choice("task[schedule=wide]")), nested).task == TASK
+    plain = pose(Problem("CartPole-v1", FORMULA), Path("plain")).task
+    assert again(by["task[without=schedule]"], plain).task == TASK
 
 
 def test_who_races_by_another_schedule() -> None:
