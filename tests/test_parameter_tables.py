@@ -68,7 +68,7 @@ def test_a_row_by_hand(hook: ModuleType) -> None:
 def test_all_places_of_the_agents_page_are_filled(hook: ModuleType) -> None:
     text = hook.on_page_markdown((DOCS / "reference/agents.md").read_text(encoding="utf-8"), page=None)
     assert "<!--" not in text
-    assert text.count("| parameter | type | default | meaning |") == 8
+    assert text.count("| parameter | type | default | meaning |") == 9
     for line in re.findall(r"^\| `.*", text, re.MULTILINE):
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         assert len(cells) == 4
