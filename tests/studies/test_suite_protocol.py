@@ -18,6 +18,7 @@ REPORTED = {
     "suite-schedules",
     "suite-schedules-long",
     "suite-quick",
+    "suite-search",
     "suite-core",
     "suite-overlap",
     "suite-fresh",
