@@ -26,6 +26,7 @@ from stlbench.contract import (
     Integers,
     Policy,
     Training,
+    Unsuitable,
 )
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.training import Count, Positive, refuse_other
@@ -55,7 +56,7 @@ class CMAES(Agent):
     most_starts: Count = 8
     """initial states from which each is tried, at most; those of a generation are the same for all. There are as many
     copies of the environment as candidates times starts"""
-    knots: Count = 20
+    knots: Annotated[int, Field(ge=2)] = 20
     """points in time between which the course is linear"""
     spread: Positive = 1.0
     """standard deviation of the first generation's course, over half of an action's range"""
@@ -116,7 +117,7 @@ class Family:
 
     @classmethod
     def of(cls, environment: Environment, knots: int) -> Family:
-        return cls(environment.actions, environment.observation_size, environment.time_column, max(2, knots))
+        return cls(environment.actions, environment.observation_size, environment.time_column, knots)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -156,20 +157,24 @@ class Family:
     def policy(self, numbers: Array) -> Policy:
         """One of them (axes, d + knots), as a network with a layer of ReLU: x = relu(x) - relu(-x)."""
         gains, course = numbers[:, : self.inputs], numbers[:, self.inputs :]
-        at = np.linspace(-1, 1, self.knots)[:-1]
         slopes = np.diff(course, axis=1) / np.diff(np.linspace(-1, 1, self.knots))
         bends = np.diff(slopes, axis=1, prepend=0.0)
-        seen, clock = np.eye(self.observed, self.inputs), np.zeros((self.observed, len(at)))
-        clock[self.inputs] = 1
-        matrix, bias = np.hstack([seen, -seen, clock]), np.zeros(2 * self.inputs)
-        hidden = matrix.astype(np.float32), np.concatenate([bias, -at]).astype(np.float32)
-        out, rest = np.hstack([gains, -gains, bends]), course[:, 0]
+        hidden, out, rest = self._hidden, np.hstack([gains, -gains, bends]), course[:, 0]
         if isinstance(self.actions, ActionBox):
             low, high = np.array(self.actions.low), np.array(self.actions.high)
             half = (high - low) / 2
             last = (half[:, None] * out).T.astype(np.float32), ((low + high) / 2 + half * rest).astype(np.float32)
             return ActorPolicy([hidden, last], self.actions, "relu", squashed=False)
         return self._greedy(self.actions, hidden, out, rest)
+
+    @property
+    def _hidden(self) -> tuple[Any, Any]:
+        """The first layer, in single precision: what is seen, its negative, and the time since each knot."""
+        at = np.linspace(-1, 1, self.knots)[:-1]
+        seen, clock = np.eye(self.observed, self.inputs), np.zeros((self.observed, len(at)))
+        clock[self.inputs] = 1
+        bias = np.concatenate([np.zeros(2 * self.inputs), -at])
+        return np.hstack([seen, -seen, clock]).astype(np.float32), bias.astype(np.float32)
 
     def _greedy(self, grid: ActionGrid, hidden: tuple[Any, Any], out: Array, rest: Array) -> Policy:
         """The nearest action of an axis has the greatest 2 a u - a^2, for the output u and an action a in [-1, 1]."""
@@ -186,20 +191,24 @@ class Family:
         return GreedyPolicy(network, [*hidden, *last])
 
     def numbers(self, policy: Policy) -> Array:
-        """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for a network of another size."""
+        """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""
         if isinstance(policy, ActorPolicy):
             low, high = np.array(self.actions.low), np.array(self.actions.high)
-            (first, _), (matrix, bias) = policy.layers[0], policy.layers[-1]
-            half = (high - low) / 2
+            layers = policy.layers
+            half, (matrix, bias) = (high - low) / 2, layers[-1]
             out, rest = matrix.T / half[:, None], (bias - (low + high) / 2) / half
         else:
             from stlbench_agents.q_learner import GreedyPolicy
 
             assert isinstance(policy, GreedyPolicy)
-            first, _, matrix, bias = policy.weights
+            *hidden, matrix, bias = policy.weights
+            layers = [*zip(hidden[::2], hidden[1::2], strict=True), (matrix.T, bias)]
             greatest = np.cumsum(policy.network.grid)  # rows of the action 1 of each axis
             out, rest = matrix[greatest] / 2, (bias[greatest] + 1) / 2
-        refuse_other([self.observed, 2 * self.inputs + self.knots - 1], list(first.shape))
+        first = self._hidden[0]
+        refuse_other([*first.shape], [len(layers[0][0]), *(len(each) for _, each in layers[:-1])])
+        if not np.array_equal(layers[0][0], first):
+            raise Unsuitable("the policy to start from is not of cma-es")
         slopes = np.cumsum(out[:, 2 * self.inputs :], axis=1)
         steps = np.cumsum(slopes * np.diff(np.linspace(-1, 1, self.knots)), axis=1)
         course = rest[:, None] + np.pad(steps, ((0, 0), (1, 0)))

@@ -13,6 +13,7 @@ from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
 from stlbench.task import build_method
 from stlbench_agents.cma_es import CMAES, Family, Trial
+from stlbench_agents.policies import ActorPolicy
 
 FILE: dict[str, Any] = {
     "formula": "G[9,12] (abs(x - 1) <= 0.4)",
@@ -106,6 +107,11 @@ def test_it_goes_on_from_a_policy_and_refuses_one_of_another_size() -> None:
     policy = family.policy(np.zeros(family.shape))
     with pytest.raises(Unsuitable, match=r"13 and 14|has 13 hidden units, and 15 are needed"):
         Family(BOX, observed=7, inputs=4, knots=8).numbers(policy)
+    layer = np.ones((7, 13), np.float32), np.zeros(13, np.float32)
+    for layers, said in (([layer], "not of cma-es"), ([layer, (np.eye(13, dtype=np.float32), layer[1])], "13 and 13")):
+        other = ActorPolicy([*layers, (np.ones((13, 2), np.float32), layer[1][:2])], BOX, "relu", squashed=False)
+        with pytest.raises(Unsuitable, match=said):
+            family.numbers(other)
     seen, good = np.linspace([-1.0, 0, -1, 0], 1, 50), trained(20_000)
     assert trained(1, good.arrays()).act(seen) == pytest.approx(good.act(seen), abs=1e-4)
     assert abs(trained(1).act(seen) - good.act(seen)).max() > 0.1
