@@ -151,10 +151,10 @@ class Trainer:
         # no probe may last: a slow environment would use up all time before anything is known of its speed
         steps, seconds = self.workspace.task.budget("probe").steps, _PROBE_SHARE * 60 * self.clock.minutes
         self._write("probe", steps, seconds, checkpoints=_PROBE_CHECKPOINTS, patience=_PATIENCE)
-        (best,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
-        if best.measurement is None:
-            raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
-        if _satisfies(best):
+        (probe,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
+        if probe.measurement is None:
+            raise UsageError(f"no training ended well: {probe.id.name}: {probe.reason}")
+        if _satisfies(best := probe):
             return best
         if self.start is None and not self._is_promising(best):
             best = self._searched(self.workspace.unscheduled, "search", _SUM_SHARE, best)
@@ -168,7 +168,7 @@ class Trainer:
         if _satisfies(best):
             return best
         methods = self.workspace.state["methods"]  # of a race that was stopped
-        racing = racing[: self._plan(racing, best) if methods is None else len(methods)]
+        racing = racing[: self._plan(racing, probe) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
             names = ", ".join(

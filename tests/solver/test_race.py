@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,6 +31,8 @@ class Played:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, shares: dict[tuple[str, int], float]) -> None:
         self.shares, self.cells, self.now = shares, list[tuple[str, str, str, int]](), 0.0
         self.inits = list[Any]()
+        self.steps: dict[str, int] = {}
+        """Of each training of a method."""
         self.last: dict[tuple[str, int], float] = {}
         """The share of the last policy, where it is not that of the best."""
         monkeypatch.setattr("stlbench.solver.race.run_study", self)
@@ -54,7 +57,7 @@ class Played:
             curve=[SimpleNamespace(satisfaction=self.last.get((method, seed), share))],
             wall_seconds=2.0,
             training_wall_seconds=1.0,
-            env_steps=6000,
+            env_steps=self.steps.get(method, 6000),
         )
         return cast(Result, SimpleNamespace(id=cell, measurement=measured, key=f"{method}-{seed}"))
 
@@ -163,6 +166,18 @@ def test_a_search_that_satisfies_ends_the_race(monkeypatch: pytest.MonkeyPatch) 
         ("search", "tltl", "cma-es"),
         ("final", "tltl", "cma-es"),
     ]
+
+
+def test_the_speed_of_a_search_plans_no_rung(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is another agent's. Steps that are too many would stretch the exploration."""
+    planned = list[int]()
+    for steps in (6000, 600_000):
+        played = Played(monkeypatch, {("tltl", 100): 0.45})
+        played.steps["tltl"] = steps
+        raced(30.0)
+        planned.append(load_task("task").file.budgets["rung-1"].steps)
+        shutil.rmtree("out")
+    assert planned[0] == pytest.approx(planned[1], rel=0.2)  # the speed of the simulation is measured anew
 
 
 def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.MonkeyPatch) -> None:
