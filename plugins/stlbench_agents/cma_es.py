@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -87,9 +88,8 @@ class CMAES(Agent):
                 policy, due = family.policy(search.best), due[reached:]
                 if training.report(policy, steps) or is_last:
                     return policy
-            if (wanted := min(trial.wanted, self.most_starts)) != starts:
-                if wanted * self.candidates * environment.hold > left:
-                    continue
+            wanted = min(trial.wanted, self.most_starts)
+            if wanted != starts and wanted * self.candidates * environment.hold <= left:
                 starts, environment = wanted, training.make(wanted * self.candidates)
 
     @classmethod
@@ -123,6 +123,23 @@ class Family:
     def shape(self) -> tuple[int, int]:
         return len(self.actions.names), self.inputs + self.knots
 
+    @cached_property
+    def middle(self) -> Array:
+        """Of each axis: (axes,)."""
+        middle: Array = (np.array(self.actions.low) + np.array(self.actions.high)) / 2
+        return middle
+
+    @cached_property
+    def half(self) -> Array:
+        """Of the range of each axis: (axes,)."""
+        half: Array = (np.array(self.actions.high) - np.array(self.actions.low)) / 2
+        return half
+
+    @cached_property
+    def times(self) -> Array:
+        """Of the knots, in [-1, 1]."""
+        return np.linspace(-1, 1, self.knots)
+
     @property
     def spreads(self) -> Array:
         """Of the numbers of a policy, over that of its course."""
@@ -140,37 +157,24 @@ class Family:
         seen = observation[:, : self.inputs].reshape(-1, len(numbers), self.inputs)
         output = np.einsum("spd,pad->spa", seen, numbers[:, :, : self.inputs]).reshape(first.shape)
         output += first + (place - before)[:, None] * (second - first)
-        low, high = np.array(self.actions.low), np.array(self.actions.high)
-        vectors: Array = np.clip((low + high) / 2 + output * (high - low) / 2, low, high)
-        if isinstance(self.actions, ActionBox):
-            return vectors
-        return self._nearest(self.actions, vectors)
-
-    def _nearest(self, grid: ActionGrid, vectors: Array) -> Integers:
-        """The indices (N,) of the actions that are nearest to vectors (N, axes)."""
-        places = []
-        for column, axis in zip(vectors.T, map(np.array, grid.axes), strict=True):
-            places.append(np.searchsorted((axis[:-1] + axis[1:]) / 2, column))
-        index: Integers = np.ravel_multi_index(places, grid.shape)
-        return index
+        vectors: Array = np.clip(self.middle + output * self.half, self.actions.low, self.actions.high)
+        return self.actions.nearest(vectors) if isinstance(self.actions, ActionGrid) else vectors
 
     def policy(self, numbers: Array) -> Policy:
         """One of them (axes, d + knots), as a network with a layer of ReLU: x = relu(x) - relu(-x)."""
         gains, course = numbers[:, : self.inputs], numbers[:, self.inputs :]
-        slopes = np.diff(course, axis=1) / np.diff(np.linspace(-1, 1, self.knots))
+        slopes = np.diff(course, axis=1) / np.diff(self.times)
         bends = np.diff(slopes, axis=1, prepend=0.0)
         hidden, out, rest = self._hidden, np.hstack([gains, -gains, bends]), course[:, 0]
         if isinstance(self.actions, ActionBox):
-            low, high = np.array(self.actions.low), np.array(self.actions.high)
-            half = (high - low) / 2
-            last = (half[:, None] * out).T.astype(np.float32), ((low + high) / 2 + half * rest).astype(np.float32)
+            last = (self.half[:, None] * out).T.astype(np.float32), (self.middle + self.half * rest).astype(np.float32)
             return ActorPolicy([hidden, last], self.actions, "relu", squashed=False)
         return self._greedy(self.actions, hidden, out, rest)
 
     @property
     def _hidden(self) -> tuple[Any, Any]:
         """The first layer, in single precision: what is seen, its negative, and the time since each knot."""
-        at = np.linspace(-1, 1, self.knots)[:-1]
+        at = self.times[:-1]
         seen, clock = np.eye(self.observed, self.inputs), np.zeros((self.observed, len(at)))
         clock[self.inputs] = 1
         bias = np.concatenate([np.zeros(2 * self.inputs), -at])
@@ -193,10 +197,9 @@ class Family:
     def numbers(self, policy: Policy) -> Array:
         """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""
         if isinstance(policy, ActorPolicy):
-            low, high = np.array(self.actions.low), np.array(self.actions.high)
             layers = policy.layers
-            half, (matrix, bias) = (high - low) / 2, layers[-1]
-            out, rest = matrix.T / half[:, None], (bias - (low + high) / 2) / half
+            matrix, bias = layers[-1]
+            out, rest = matrix.T / self.half[:, None], (bias - self.middle) / self.half
         else:
             from stlbench_agents.q_learner import GreedyPolicy
 
@@ -210,7 +213,7 @@ class Family:
         if not np.array_equal(layers[0][0], first):
             raise Unsuitable("the policy to start from is not of cma-es")
         slopes = np.cumsum(out[:, 2 * self.inputs :], axis=1)
-        steps = np.cumsum(slopes * np.diff(np.linspace(-1, 1, self.knots)), axis=1)
+        steps = np.cumsum(slopes * np.diff(self.times), axis=1)
         course = rest[:, None] + np.pad(steps, ((0, 0), (1, 0)))
         return np.hstack([out[:, : self.inputs], course]).astype(np.float64)
 

@@ -74,6 +74,13 @@ class ActionGrid:
         """All actions, (A, number of axes), in the actions' units."""
         return np.stack([mesh.ravel() for mesh in np.meshgrid(*self.axes, indexing="ij")], axis=-1)
 
+    def nearest(self, vectors: Array) -> Integers:
+        """The index (N,) of the action that is nearest to each of the vectors (N, axes), axis by axis."""
+        axes = zip(vectors.T, self.axes, strict=True)
+        places = [np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in axes]
+        index: Integers = np.ravel_multi_index(places, self.shape)
+        return index
+
 
 @dataclass(frozen=True)
 class ActionBox:

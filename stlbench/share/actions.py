@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError, cause, did_you_mean
-from stlbench.simulation.baselines import nearest
 from stlbench.simulation.faults import out_of_range
 from stlbench.simulation.trace_table import read_table
 
@@ -111,7 +110,7 @@ def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Mo
     vectors = _vectors(array.astype(np.float64), actions, source)
     if not isinstance(actions, ActionGrid):
         return vectors
-    index = nearest(actions, vectors)
+    index = actions.nearest(vectors)
     if moved is not None:
         moved.add(actions, vectors, index)
     return index

@@ -40,7 +40,7 @@ def record_controller(task: Task, begun: Array) -> Episodes | None:
 
     def act(simulator: Simulator) -> Integers | Array:
         vectors = _checked(task, simulator.world.by_hand(simulator.t), simulator.t)
-        return nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
+        return actions.nearest(vectors) if isinstance(actions, ActionGrid) else vectors
 
     return referee.simulate(task, unpaid, act, begun)
 
@@ -85,14 +85,6 @@ def _checked(task: Task, answer: Any, t: Integers) -> Array:
     if wrong := out_of_range(actions, vectors):
         raise PluginFault(f"{by_hand}: {wrong}")
     return vectors
-
-
-def nearest(grid: ActionGrid, vectors: Array) -> Integers:
-    """The index (N,) of the action that is nearest to each of the vectors (N, axes), axis by axis."""
-    axes = zip(vectors.T, grid.axes, strict=True)
-    places = [np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in axes]
-    index: Integers = np.ravel_multi_index(places, grid.shape)
-    return index
 
 
 _ALL = 512  # a grid of no more actions is tried whole
@@ -165,7 +157,7 @@ def _score(task: Task, policy: Policy) -> Score:
 class _Constant(Policy):
     def __init__(self, task: Task, action: Array) -> None:
         actions, one = task.actions, action[None]
-        self._action: Integers | Array = nearest(actions, one) if isinstance(actions, ActionGrid) else one
+        self._action: Integers | Array = actions.nearest(one) if isinstance(actions, ActionGrid) else one
 
     def act(self, observation: Array) -> Integers | Array:
         which = np.zeros(len(observation), dtype=np.int64)
@@ -231,4 +223,4 @@ def _best(task: Task, referee: Referee, starts: int) -> Array:
 def _possible(task: Task, vectors: Array) -> Array:
     """The vectors (n, axes), on a grid the nearest that it has."""
     actions = task.actions
-    return actions.vectors[nearest(actions, vectors)] if isinstance(actions, ActionGrid) else vectors
+    return actions.vectors[actions.nearest(vectors)] if isinstance(actions, ActionGrid) else vectors

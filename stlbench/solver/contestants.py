@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import cast
 
-from stlbench.contract import ActionGrid, Intractable, Unsuitable
+from stlbench.contract import ActionGrid, Agent, Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Result
 from stlbench.registry import plugins
@@ -60,7 +61,7 @@ class Contestant:
 
 def resumes(agent: str) -> bool:
     """Whether an agent can start from an earlier policy."""
-    return bool(getattr(plugins.find("agents", parse_choice(agent).name).load(), "resumes", False))
+    return _class_of(agent).resumes
 
 
 def contestants(task: Task, minutes: float, known: Contestant | None = None) -> tuple[Contestant, ...]:
@@ -93,7 +94,7 @@ def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:
 
     It trains on the first of some choices of a task that such a method fits.
     """
-    agents = [agent for agent in agents_for(task.actions) if not _discounts(agent)]
+    agents = [agent for agent in agents_for(task.actions) if not _class_of(agent).discounts]
     for agent, choice in product(agents, choices):
         fitting = fitting_methods(automatic(load_task(choice), agent))
         first = next(iter(in_turn(fitting, "sum")), None)
@@ -102,8 +103,8 @@ def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:
     return None
 
 
-def _discounts(agent: str) -> bool:
-    return bool(getattr(plugins.find("agents", agent).load(), "discounts", True))
+def _class_of(agent: str) -> type[Agent]:
+    return cast(type[Agent], plugins.find("agents", parse_choice(agent).name).load())
 
 
 def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Contestant, ...]:
@@ -128,7 +129,7 @@ def _reasons(task: Task) -> Iterator[str]:
 def _second(task: Task, own: str) -> list[str]:
     """The next agent for the same actions that can train here."""
     for agent in agents_for(task.actions):
-        if agent == own or not _discounts(agent):
+        if agent == own or not _class_of(agent).discounts:
             continue
         with suppress(Exception):  # also what one from outside raises: it does not race
             build_agent(automatic(task, agent), agent)

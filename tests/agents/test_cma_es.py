@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from helpers.line_task import line
+from helpers.line_task import REACH, line
 
 from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Arrays, Policy, Training, Unsuitable
 from stlbench.simulation.environment import BatchEnvironment
@@ -15,17 +13,9 @@ from stlbench.task import build_method
 from stlbench_agents.cma_es import CMAES, Family, Trial
 from stlbench_agents.policies import ActorPolicy
 
-FILE: dict[str, Any] = {
-    "formula": "G[9,12] (abs(x - 1) <= 0.4)",
-    "steps": 12,
-    "initial": {"box": {"x": [-3, 3]}},
-    "starts": 32,
-    "actions": {"v": {"low": -1, "high": 1}},
-}
-"""From [-3, 3] to within 0.4 of 1 after 8 of 12 steps of at most 0.5."""
-TASK = line(**FILE)
+TASK = line(**REACH)
 TLTL = build_method(TASK, "tltl")
-EASY = line(**FILE | {"formula": "G[9,12] (abs(x - 1) <= 0.8)"})
+EASY = line(**REACH | {"formula": "G[9,12] (abs(x - 1) <= 0.8)"})
 EASY_TLTL = build_method(EASY, "tltl")
 SPEEDS = np.array([-1.0, 0.0, 0.5])
 BOX = ActionBox(("a", "b"), (-1.0, 0.0), (3.0, 0.5))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.line_task import line
+from helpers.line_task import REACH, line
 
 from stlbench.contract import Array, Policy, Training, Transition
 from stlbench.simulation.environment import BatchEnvironment
@@ -15,15 +15,7 @@ from stlbench.task import build_method
 from stlbench_agents.td3 import TD3
 from stlbench_agents.td3_learner import TD3Learner
 
-FILE: dict[str, Any] = {
-    "formula": "G[9,12] (abs(x - 1) <= 0.4)",
-    "steps": 12,
-    "initial": {"box": {"x": [-3, 3]}},
-    "starts": 32,
-    "actions": {"v": {"low": -1, "high": 1}},
-}
-"""From [-3, 3] to within 0.4 of 1 after 8 of 12 steps of at most 0.5."""
-TASK = line(**FILE)
+TASK = line(**REACH)
 RAW = build_method(TASK, "raw")
 
 

@@ -57,6 +57,16 @@ FILE: dict[str, Any] = {
 """The content of its task.yaml. With v in -1, 0, 1 m/s for 0.5 s, x moves by -.5, 0 or .5 a step."""
 
 
+REACH: dict[str, Any] = {
+    "formula": "G[9,12] (abs(x - 1) <= 0.4)",
+    "steps": 12,
+    "initial": {"box": {"x": [-3, 3]}},
+    "starts": 32,
+    "actions": {"v": {"low": -1, "high": 1}},
+}
+"""Changes: from [-3, 3] to within 0.4 of 1 after 8 of 12 steps of at most 0.5."""
+
+
 def text(**changes: Any) -> str:
     """The task file with some entries replaced; None removes one."""
     return yaml.safe_dump({key: value for key, value in (FILE | changes).items() if value is not None}, sort_keys=False)
