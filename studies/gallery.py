@@ -21,7 +21,7 @@ from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.records.array_files import Film
 from stlbench.records.result import reported
 from stlbench.registry import plugins
-from stlbench.simulation.baselines import Unpaid, nearest
+from stlbench.simulation.baselines import Unpaid
 from stlbench.simulation.environment import Simulator
 from stlbench.simulation.referee import Recording, score, simulate
 from stlbench.study import film
@@ -98,7 +98,7 @@ def actor(name: str, results: Path | None) -> Actor:
 def _by_hand(task: Task) -> Act:
     def act(simulator: Simulator) -> Integers | Array:
         vectors = np.asarray(simulator.world.by_hand(simulator.t), dtype=np.float64)
-        return nearest(task.actions, vectors) if isinstance(task.actions, ActionGrid) else vectors
+        return task.actions.nearest(vectors) if isinstance(task.actions, ActionGrid) else vectors
 
     return act
 

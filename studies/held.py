@@ -10,7 +10,7 @@ import numpy as np
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod
 from stlbench.records.result import Score
 from stlbench.simulation import baselines, referee
-from stlbench.simulation.baselines import Unpaid, nearest
+from stlbench.simulation.baselines import Unpaid
 from stlbench.simulation.environment import Simulator
 from stlbench.simulation.verdicts import judge
 from stlbench.task import Task
@@ -39,7 +39,7 @@ def taken(task: Task, vectors: Array) -> Integers | Array:
     """Actions (..., axes) as the task takes them: on a grid the places (...) of the nearest ones."""
     if not isinstance(task.actions, ActionGrid):
         return vectors
-    return nearest(task.actions, vectors.reshape(-1, vectors.shape[-1])).reshape(vectors.shape[:-1])
+    return task.actions.nearest(vectors.reshape(-1, vectors.shape[-1])).reshape(vectors.shape[:-1])
 
 
 def robustness_of(task: Task, begun: Array, sequences: Array) -> Array:
