@@ -58,7 +58,7 @@ class CMAES(Agent):
     """initial states from which each is tried, at most; those of a generation are the same for all. There are as many
     copies of the environment as candidates times starts"""
     knots: Annotated[int, Field(ge=2)] = 20
-    """points in time between which the course is linear"""
+    """points in time between which the course is linear; as many as it has where a search starts from a policy"""
     spread: Positive = 1.0
     """standard deviation of the first generation's course, over half of an action's range"""
 
@@ -69,10 +69,12 @@ class CMAES(Agent):
     def train(self, training: Training) -> Policy:
         starts, steps = _LEAST_STARTS, 0
         environment = training.make(starts * self.candidates)
-        family = Family.of(environment, self.knots)
+        family, earlier = Family.of(environment, self.knots), list[Policy]()
         begun = np.zeros(family.shape)
         if training.initial is not None:
-            begun = family.numbers(self.restore(training.initial, environment.actions))
+            earlier.append(self.restore(training.initial, environment.actions))
+            family = Family.of(environment, family.knots_of(earlier[0]))
+            begun = family.numbers(earlier[0])
         search = _Search(self, family, begun, training)
         due = np.linspace(0, training.steps, training.checkpoints + 1)[1:]
         while True:
@@ -86,11 +88,19 @@ class CMAES(Agent):
             is_last = not trial.is_over or left < environment.count * environment.hold
             if reached or is_last:
                 policy, due = family.policy(search.best), due[reached:]
+                if earlier and not is_last:
+                    policy = earlier.pop()  # so the selection never ends with a worse one
                 if training.report(policy, steps) or is_last:
                     return policy
             wanted = min(trial.wanted, self.most_starts)
             if wanted != starts and wanted * self.candidates * environment.hold <= left:
                 starts, environment = wanted, training.make(wanted * self.candidates)
+
+    def playing(self, course: Array, environment: Environment) -> Policy:
+        family = Family.of(environment, len(course) + 1)
+        begun = np.zeros(family.shape)
+        begun[:, family.inputs :] = ((course[[*range(len(course)), -1]] - family.middle) / family.half).T
+        return family.policy(begun)
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
@@ -193,6 +203,17 @@ class Family:
         last = np.concatenate(rows).astype(np.float32), np.concatenate(biases).astype(np.float32)
         network = QNetwork(self.observed, [len(hidden[1])], grid.shape, "additive")
         return GreedyPolicy(network, [*hidden, *last])
+
+    def knots_of(self, policy: Policy) -> int:
+        """Of the course of a policy, if `policy` made it."""
+        if isinstance(policy, ActorPolicy):
+            hidden = len(policy.layers[0][1])
+        else:
+            from stlbench_agents.q_learner import GreedyPolicy
+
+            assert isinstance(policy, GreedyPolicy)
+            hidden = len(policy.weights[1])
+        return max(2, hidden - 2 * self.inputs + 1)
 
     def numbers(self, policy: Policy) -> Array:
         """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""

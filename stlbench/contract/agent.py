@@ -329,6 +329,13 @@ class Agent(ABC):
         """
         raise Unsuitable("it does not say how its policies are restored")
 
+    def playing(self, course: Array, environment: Environment) -> Policy | None:
+        """A policy that takes the actions of a course (decisions, axes) in turn, whatever it sees.
+
+        `stlbench solve` trains from it where it knows a course that satisfies. None, the default: there is none.
+        """
+        return None
+
     def check(self, model: Model) -> None:  # noqa: B027 - by default nothing is refused
         """Raise `Unsuitable`, in little time, for a task that this agent cannot plan. Only agents that plan are asked.
 

@@ -7,14 +7,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import cast
 
-from stlbench.contract import ActionGrid, Agent, Intractable, Unsuitable
+from stlbench.contract import ActionGrid, Agent, Array, Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
+from stlbench.records.array_files import write_arrays
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.simulation.auto import aim_of, automatic, in_turn, scheduled
+from stlbench.simulation.environment import BatchEnvironment
 from stlbench.solver.workspace import TASK, UNSCHEDULED
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods, load_task
@@ -101,6 +104,18 @@ def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:
         if first is not None and plugins.place(type(fitting[first]), "sum") is not None:
             return Contestant(first, agent, choice)
     return None
+
+
+def playing(contestant: Contestant, course: Array, path: Path) -> Path | None:
+    """Where a policy is written that plays a course of actions (decisions, axes); None where the agent has none."""
+    task = automatic(load_task(contestant.task), contestant.agent)
+    environment = BatchEnvironment(task, build_method(task, contestant.method), 1, seed=0)
+    policy = build_agent(task, contestant.agent).playing(course, environment)
+    arrays = None if policy is None else policy.arrays()
+    if arrays is None:
+        return None
+    write_arrays(path, arrays)
+    return path
 
 
 def _class_of(agent: str) -> type[Agent]:

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import Choice
 from stlbench.solver import tries
-from stlbench.solver.contestants import Contestant, along, best_first, contestants, rank, resumes, searcher
+from stlbench.solver.contestants import Contestant, along, best_first, contestants, playing, rank, resumes, searcher
 from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
 from stlbench.solver.start import Start
@@ -28,6 +29,7 @@ from stlbench.solver.workspace import Workspace
 from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
 from stlbench.study.tuning import FIRST_SEED
+from stlbench.task.build import INIT
 
 _RUNG_RATIO = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
@@ -37,6 +39,8 @@ _PROBE_SHARE = 0.1
 """Of the time. The training that measures the speed ends at the first checkpoint after it."""
 _SUM_SHARE = 0.2
 """Of the time, for a training by an agent without a discount; half as much for one that follows windows."""
+_PLAYED = "witness.npz"
+"""The policy that plays the witness."""
 _LEAST_SUM_EPISODES = 1000
 """Episodes of such a training, at least: fewer teach it nothing."""
 _PROBE_CHECKPOINTS = 10
@@ -160,6 +164,8 @@ class Trainer:
             best = self._searched(self.workspace.unscheduled, "search", _SUM_SHARE, best)
         if rank(best)[0] == 0 and (found := self.workspace.search(60 * self.clock.minutes)):
             self.say(found)
+        if self.start is None and not self._is_promising(best) and (course := self.workspace.course) is not None:
+            best = self._searched(self.workspace.unscheduled, "search-witness", _SUM_SHARE / 2, best, course)
         if self.start is None:
             choices = self.workspace.choices
             if len(choices) > 1 and not self._is_promising(best):
@@ -180,18 +186,27 @@ class Trainer:
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
         return best
 
-    def _searched(self, choices: Sequence[Choice], budget: str, share: float, best: Result) -> Result:
-        """The better of a result and of that of an agent without a discount, on the first of some choices."""
+    def _searched(
+        self, choices: Sequence[Choice], budget: str, share: float, best: Result, course: Array | None = None
+    ) -> Result:
+        """The better of a result and of that of an agent without a discount, on the first of some choices.
+
+        It begins with a course of actions, if there is one and the agent can play it.
+        """
         task = self.workspace.task
         checkpoints, seconds = self._training(share * 60 * self.clock.minutes, 0.0)
         # its speed is not known; it is at most that of the simulation, and the seconds end it
         episodes = seconds / self.workspace.episode_seconds
         if episodes < _LEAST_SUM_EPISODES or (contestant := searcher(task, choices)) is None:
             return best
-        self.say(f"{contestant} with {contestant.agent}; {_score(best)}")
+        init = None if course is None else playing(contestant, course, self.workspace.folder / _PLAYED)
+        if course is not None and init is None:
+            return best
+        begun = "" if init is None else ", from the witness"
+        self.say(f"{contestant} with {contestant.agent}{begun}; {_score(best)}")
         steps = int(episodes * task.file.steps)
         self._write(budget, steps, seconds / _OVERTIME, checkpoints, _PATIENCE)
-        return max([best, *self.train(budget, [contestant], [FIRST_SEED], _satisfies)], key=rank)
+        return max([best, *self.train(budget, [contestant], [FIRST_SEED], _satisfies, init)], key=rank)
 
     def kept(self) -> list[Result]:
         """What has been trained so far, the best first; at equal shares the final training before the race."""
@@ -285,7 +300,9 @@ class Trainer:
             self._write(FINAL, steps, seconds, checkpoints)
         contestant, steps = Contestant.of(winner), self.workspace.task.budget(FINAL).steps
         self.say(f"final: {contestant}, fresh seeds, at most {steps} steps each; {_score(winner)}")
-        return self.train(FINAL, [contestant], FINAL_SEEDS, _satisfies)
+        begun = INIT in dict(winner.id.agent.parameters) and self.start is None
+        init = self.workspace.folder / _PLAYED if begun else None
+        return self.train(FINAL, [contestant], FINAL_SEEDS, _satisfies, init)
 
     # ------------------------------------------------------------------------------------------------------ going on
 

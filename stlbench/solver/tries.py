@@ -184,6 +184,19 @@ def of_search(nearest: Nearest | None) -> str:
     return f"no witness was found: {tried} reach at most {nearest.robustness:.3g}; others may satisfy"
 
 
+def of_course(task: Task, nearest: Nearest) -> str | None:
+    """A warning where the actions of a witness satisfy from most starts, so that no policy needs to look."""
+    begun = task.starts.report_and_selection()[0]
+    when = in_pieces(task.file.steps // task.file.hold, nearest.pool.shape[1])
+    best = nearest.pool[np.zeros(len(begun), dtype=np.int64)]
+    played = replay(task, best[:, when], begun)
+    robustness = judge(task.formula, played.traces, task.specification, task.file.terminated).robustness[:, 0]
+    share = float(np.mean(robustness > 0))
+    if share < LEARNED:
+        return None
+    return f"trivial: by one fixed sequence of actions {100 * share:.0f} % of the starts satisfy"
+
+
 DOUBTS = ("perhaps too fast: ", "impossible, if ", "no witness was found: ")
 """The beginnings of notes that a policy refutes which satisfies."""
 

@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from stlbench.contract import Array, GymTask
 from stlbench.errors import UsageError, one_line
@@ -23,10 +23,11 @@ from stlbench.registry.choices import Choice
 from stlbench.schedules.schedule import around, schedules
 from stlbench.simulation import baselines
 from stlbench.simulation.auto import regions, scheduled
+from stlbench.simulation.baselines import in_pieces
 from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
-from stlbench.task.entry import Positive
+from stlbench.task.entry import Finite, Positive
 from stlbench.task.reading import file_of
 
 TASK = Choice("task")
@@ -94,6 +95,20 @@ class Workspace:
         """The task with its formula as it is, where it has a schedule, and the task."""
         return (TASK,) if scheduled(self.task) is None else (UNSCHEDULED, TASK)
 
+    @property
+    def course(self) -> Array | None:
+        """The actions of the witness (decisions, axes); None where none was found."""
+        if not (path := self.folder / WITNESS).is_file():
+            return None
+        try:
+            actions = _Witness.model_validate_json(path.read_bytes()).actions
+            task = self.task
+            decisions = task.file.steps // task.file.hold
+            course = np.array(actions, dtype=np.float64).reshape(len(actions), len(task.actions.names))
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{path} is not as `stlbench solve` writes it; name another folder") from error
+        return course[in_pieces(decisions, len(course))]
+
     def search(self, seconds: float) -> str | None:
         """Search for witnesses, keep the first, and write another schedule; what to say of it, once."""
         if self.state.get("searched"):
@@ -113,8 +128,9 @@ class Workspace:
         traces = [each.trace for each in found if each.satisfies]
         self._follow(np.array(traces).reshape(len(traces), task.file.steps + 1, len(task.signals)))
         note = tries.of_search(found[0] if found else None)
-        self.remember(searched=True, notes=[*self.state["notes"], note])
-        return note
+        warning = tries.of_course(task, found[0]) if traces else None
+        self.remember(searched=True, notes=[*self.state["notes"], note, *filter(None, [warning])])
+        return note if warning is None else f"{note}; {warning}"
 
     def _follow(self, traces: Array) -> None:
         """Write another schedule, unless the task has none: around witnesses (n, T + 1, k), else with wider windows.
@@ -202,6 +218,12 @@ class _State(BaseModel):
     minutes: float | None = None
     methods: tuple[str, ...] | None = None
     chosen: str | None = None
+
+
+class _Witness(BaseModel):
+    """What `witness.json` says of the actions, each held for an equal part of the episode."""
+
+    actions: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=1)]
 
 
 def _state(folder: Path) -> dict[str, Any]:

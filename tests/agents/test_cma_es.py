@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from helpers.line_task import REACH, line
 
-from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Arrays, Policy, Training, Unsuitable
+from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Arrays, Environment, Policy, Training, Unsuitable
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
 from stlbench.task import build_method
@@ -105,6 +108,31 @@ def test_it_goes_on_from_a_policy_and_refuses_one_of_another_size() -> None:
     seen, good = np.linspace([-1.0, 0, -1, 0], 1, 50), trained(20_000)
     assert trained(1, good.arrays()).act(seen) == pytest.approx(good.act(seen), abs=1e-4)
     assert abs(trained(1).act(seen) - good.act(seen)).max() > 0.1
+
+
+@pytest.mark.parametrize("actions", [BOX, GRID])
+def test_a_course_is_played_whatever_is_seen(actions: Actions) -> None:
+    generator = np.random.default_rng(0)
+    environment = cast(Environment, SimpleNamespace(actions=actions, observation_size=7, time_column=4))
+    course = generator.uniform(actions.low, actions.high, (12, 2))
+    course = course if isinstance(actions, ActionBox) else actions.vectors[actions.nearest(course)]
+    seen = generator.uniform(-1, 1, (12, 7))
+    seen[:, 4] = np.linspace(-1, 1, 13)[:-1]  # the decisions in turn
+    policy = CMAES().playing(course, environment)
+    played = policy.act(seen)
+    assert (played if isinstance(actions, ActionBox) else actions.vectors[played]) == pytest.approx(course, abs=1e-5)
+    assert Family.of(environment, 20).knots_of(policy) == 13
+
+
+def test_the_first_checkpoint_of_a_search_from_a_policy_is_that_policy() -> None:
+    reported = list[Policy]()
+    make = lambda count: BatchEnvironment(EASY, EASY_TLTL, count, seed=1)  # noqa: E731
+    begun = CMAES().playing(np.linspace(-1, 1, 12)[:, None], make(1))
+    report = lambda policy, steps: reported.append(policy)  # noqa: E731
+    CMAES().train(Training(make, 9000, 3, report, checkpoints=3, initial=begun.arrays()))
+    seen = np.linspace([-1.0, 0, -1, 0], 1, 50)
+    near = [np.abs(policy.act(seen) - begun.act(seen)).max() for policy in reported]
+    assert near[0] == 0 < min(near[1:])
 
 
 def test_it_learns_to_go_to_a_point_and_stay() -> None:

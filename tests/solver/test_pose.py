@@ -11,16 +11,18 @@ import gymnasium
 import numpy as np
 import pytest
 import yaml
+from helpers.line_task import line
 from solver.conftest import FORMULA, POINT
 
 from stlbench import stl
 from stlbench.cli.show_task import _schedule
+from stlbench.contract import ActionGrid
 from stlbench.errors import UsageError
 from stlbench.simulation.auto import automatic
 from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
-from stlbench.solver.tries import check_speed
+from stlbench.solver.tries import Nearest, check_speed, of_course
 from stlbench.solver.workspace import pose
 from stlbench.task import load_task
 from stlbench.task.gym_sketch import sketch
@@ -126,6 +128,15 @@ def test_what_is_trivial_or_impossible_is_told() -> None:
     reason = "impossible, if the ranges that random actions show are right: 'v >= 20' never holds: v is from"
     assert doubtful.notes[0].startswith(reason)
     assert "no witness was found" in str(doubtful.search(60))
+
+
+@pytest.mark.parametrize(("speed", "told"), [(1.0, "one fixed sequence of actions 100 % of the starts"), (-1.0, None)])
+def test_a_fixed_sequence_that_suffices_is_told(speed: float, told: str | None) -> None:
+    task = line(formula="F[0,8] x >= 1")
+    assert isinstance(task.actions, ActionGrid)
+    action = task.actions.nearest(np.array([[speed]]))
+    found = of_course(task, Nearest(0.1, 1, ((speed,),), np.empty((9, 1)), action[None]))
+    assert told in str(found) if told else found is None
 
 
 @pytest.mark.usefixtures("made")

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from solver.conftest import FORMULA
 
@@ -22,7 +23,9 @@ from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.workspace import TASK, pose
+from stlbench.study.initial import read
 from stlbench.task import load_task
+from stlbench_agents.cma_es import CMAES
 
 
 class Played:
@@ -187,6 +190,33 @@ def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.Mo
     workspace.begin(30.0)
     Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
     assert [cell[0] for cell in played.cells[:4]] == ["probe", "search", "search-windows", "rung-1"]
+
+
+def test_a_search_begins_with_the_witness(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(30.0)
+    workspace.remember(searched=True)
+    Path("out/witness.json").write_text('{"actions": [[1], [0]]}')
+    Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
+    assert [cell[:3] for cell in played.cells[2:3]] == [("search-witness", "tltl", "cma-es")]
+    decisions = load_task("task").file.steps
+    arrays = read(played.inits[2])
+    size, hidden = arrays["widths"]
+    seen = np.zeros((decisions, size))
+    seen[:, (hidden - decisions) // 2] = np.linspace(-1, 1, decisions + 1)[:-1]  # the time
+    assert CMAES.restore(arrays, workspace.task.actions).act(seen).tolist() == [1] * (decisions // 2) + [0] * (
+        decisions // 2
+    )
+
+
+@pytest.mark.parametrize("text", ["[]", "{", '{"actions": []}', '{"actions": [[1, 2]]}', '{"actions": [[1e999]]}'])
+def test_a_witness_that_is_none_is_refused(text: str) -> None:
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    assert workspace.course is None
+    Path("out/witness.json").write_text(text)
+    with pytest.raises(UsageError, match=r"witness.json is not as `stlbench solve` writes it"):
+        _ = workspace.course
 
 
 def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch: pytest.MonkeyPatch) -> None:
