@@ -25,6 +25,9 @@ _FAST = 1.6
 _HELD_COST = 0.5
 """Of what is held, a step costs so much of what a step in the width of a window is worth."""
 
+_EARLY = 1e-5
+"""Of windows of the same widths the earliest count, whatever the solver prefers: a step later costs so much."""
+
 _Item = Event | Held
 Flags = NDArray[np.bool_]
 
@@ -341,12 +344,13 @@ class Programme:
 
     @property
     def narrow(self) -> Array:
-        """The cost of narrow windows, and of what is held for long."""
-        cost = np.zeros(self.plan.variables + 1)
+        """The cost of narrow windows, of what is held for long, and of what is late."""
+        cost = np.append(_EARLY * np.linspace(1, 2, self.plan.variables), 0.0)  # no two variables cost the same
         for item in self.items:
             factor = -1.0 if isinstance(item, Event) else _HELD_COST
-            _add(cost, item.end, factor)
-            _add(cost, item.begin, -factor)
+            for step, more in ((item.end, factor), (item.begin, -factor)):
+                if step.variable is not None:
+                    cost[step.variable] += more
         return cost
 
     def _roomy(self, rows: _Rows) -> _Point | None:
@@ -390,9 +394,3 @@ def _solved(rows: _Rows, cost: Array, least: float) -> _Point | None:
     bounds = [(0.0, None)] * variables + [(max(0.0, least), MOST_PACE)]
     solved: Any = linprog(cost, A_ub=left, b_ub=rows.room, bounds=bounds, method="highs")
     return _Point(np.append(solved.x[:-1], 0.0), float(solved.x[-1])) if solved.status == 0 else None
-
-
-def _add(row: Array, step: At, factor: float) -> None:
-    """Add a multiple of a step to a row of coefficients, in place; its number has no coefficient."""
-    if step.variable is not None:
-        row[step.variable] += factor

@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import scipy.optimize
 from helpers.schedule_checks import keeps, satisfying_trace
 
 from stlbench import stl
@@ -177,6 +178,18 @@ def test_goals_that_exclude_each_other_have_windows_apart(name: str) -> None:
     goals = [term for term in schedule.terms if term.kind != "G"]
     for first, second in combinations(sorted(goals, key=lambda term: term.end), 2):
         assert first.psi == second.psi or first.end <= second.start
+
+
+@pytest.mark.parametrize("name", ["integrator-chain-1", "pair-chain-2", "quadrotor-response-3", "arm-overlap-1"])
+def test_windows_do_not_depend_on_the_solver(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interior point has other steps than the simplex method, where several cost the same."""
+    task, solve, found = load_task(f"suite-{name}"), scipy.optimize.linprog, []
+    for other in ("highs-ds", "highs-ipm"):
+        monkeypatch.setattr(
+            scipy.optimize, "linprog", lambda *args, other=other, **given: solve(*args, **given | {"method": other})
+        )
+        found.append(schedules(task.file.formula, _regions(task), task.file.hold, task.file.steps)[0].formula)
+    assert found[0] == found[1]
 
 
 def test_windows_at_a_share_of_the_pace_are_wide_and_in_the_middle() -> None:
