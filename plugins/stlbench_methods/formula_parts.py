@@ -126,6 +126,12 @@ def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth
     return np.array([((t > t0) | (t0 == 0)) & (t <= term.end) for term, t0 in zip(terms, begins, strict=True)])
 
 
+def at(table: Array, t: Integers) -> Array:
+    """The entries of a table (T + 1,) at the times t. A library other than NumPy, as JAX, reads it at its own times."""
+    entries: Array = table[t] if isinstance(t, np.ndarray) else t.__array_namespace__().asarray(table)[t]
+    return entries
+
+
 def timeless(value: Callable[[Array], Array]) -> Value:
     return lambda signals, t: value(signals)
 
@@ -145,16 +151,17 @@ def least_active(values: Sequence[Value], active: Truth) -> Value:
 
     def reward(signals: Array, t: Integers) -> Array:
         least: Array | None = None
+        known = isinstance(t, np.ndarray)  # while JAX traces nobody knows the times, and each term may be active
         for value, mask in zip(values, active, strict=True):
-            now = mask[t]
-            rows = np.count_nonzero(now)
+            now = at(mask, t)
+            rows = np.count_nonzero(now) if known else -1
             if rows:
                 term = value(signals, t)
                 term = term if rows == t.size else np.where(now, term, np.inf)
                 least = term if least is None else np.minimum(least, term)
         if least is None:
             return np.zeros(t.shape)
-        return np.where(idle[t], 0.0, least) if ever_idle else least
+        return np.where(at(idle, t), 0.0, least) if ever_idle else least
 
     return reward
 

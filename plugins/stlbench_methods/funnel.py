@@ -19,6 +19,7 @@ from stlbench_methods.formula_parts import (
     Value,
     active_from,
     active_table,
+    at,
     bounded_range,
     least_active,
     least_paid,
@@ -139,9 +140,9 @@ class Funnel(RewardMethod):
         margin = self.specification.margin(term.psi)
         gamma = self._width(curve)
         if shape == "normalised":
-            return lambda s, t: -np.log1p((curve.rho_max - margin(s)) / gamma[t])
+            return lambda s, t: -np.log1p((curve.rho_max - margin(s)) / at(gamma, t))
         offset = gamma - curve.rho_max
-        return lambda s, t: margin(s) + offset[t]
+        return lambda s, t: margin(s) + at(offset, t)
 
     def _worst(self, curve: Curve, shape: Shape) -> Array:
         """The term's reward where psi is least in the box of the signals, at each sample: (T + 1,)."""

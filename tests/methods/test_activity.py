@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -98,3 +101,20 @@ def test_the_reward_is_the_minimum_of_the_active_terms_and_0_without_any() -> No
     assert least(signals, np.arange(4)).tolist() == [0.0, 3.0, 5.0, 1.0]
     assert least(signals, np.array([3, 1, 1, 0])).tolist() == [1.0, 3.0, 3.0, 0.0]
     assert least(-signals, np.arange(4)).tolist() == [0.0, -5.0, -5.0, -7.0]
+
+
+class Table(np.ndarray[Any, Any]):
+    """An array of another library, which is read at times of its own."""
+
+    def __getitem__(self, t: Any) -> Any:
+        return np.asarray(self)[t.own]
+
+
+def test_times_of_another_library_are_looked_up_by_it() -> None:
+    """Nobody knows them while JAX traces, so no term is left out: the values are the same."""
+    active = np.array([[False, True, True, False], [False, True, False, False]])
+    least = least_active([lambda s, t: s[:, 0], lambda s, t: s[:, 1]], active)
+    signals, t = np.array([[5.0, 4.0]] * 4), np.array([3, 1, 2, 0])
+    library = SimpleNamespace(asarray=lambda table: table.view(Table))
+    foreign: Any = SimpleNamespace(own=t, size=4, shape=(4,), __array_namespace__=lambda: library)
+    assert least(signals, foreign).tolist() == least(signals, t).tolist() == [0.0, 4.0, 5.0, 0.0]
