@@ -25,7 +25,7 @@ from jax import numpy as jnp
 from stlbench.contract import RewardMethod, Specification
 from stlbench.simulation.environment import BatchEnvironment, Simulator
 from stlbench.stl import Formula
-from stlbench.stl.predicates.writer import ARRAYS, FormulaWriter, Reading, functions, indented
+from stlbench.stl.predicates.writer import ARRAYS, FormulaWriter, functions, indented
 from stlbench.task import Task, build_method, load_task
 
 
@@ -81,13 +81,14 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
         raise TypeError("a traced array has no numbers yet: use functions of NumPy that other arrays can take over")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
-        if method != "__call__":
+        if method != "__call__" or not hasattr(jnp, ufunc.__name__):
             return NotImplemented
         result = _called(getattr(jnp, ufunc.__name__), *inputs, **options)
         return result if out is None else out[0].become(result.value)
 
     def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
-        return _called(getattr(jnp, function.__name__), *args, **options)
+        theirs = getattr(jnp, function.__name__, None)
+        return NotImplemented if theirs is None else _called(theirs, *args, **options)
 
 
 def _called(function: Callable[..., Any], *args: Any, **options: Any) -> Any:
@@ -105,18 +106,12 @@ def _plain(value: Any) -> Any:
 
 
 class TracedSpecification(Specification):
-    """A specification whose margins and verdicts are of traced samples."""
+    """A specification whose margins are of traced samples."""
 
     def margin(self, psi: Formula) -> Callable[[Any], Any]:
-        return self._compiled(psi, "margin")
-
-    def holds(self, psi: Formula) -> Callable[[Any], Any]:
-        return self._compiled(psi, "holds")
-
-    def _compiled(self, psi: Formula, reading: Reading) -> Callable[[Any], Any]:
         """The same source as for arrays, but for the line that makes arrays of other samples."""
         columns = {name: i for i, name in enumerate(self.signals)}
-        body = FormulaWriter(columns, replace(ARRAYS, first=""), reading).statements(psi, False)
+        body = FormulaWriter(columns, replace(ARRAYS, first=""), "margin").statements(psi, False)
         if not isinstance(body, list):
             return lambda samples: Traced(jnp.full(samples.shape[:-1], body))
         return functions(["def predicate(sample):", *indented(body)], ARRAYS.namespace)["predicate"]
@@ -227,26 +222,21 @@ def rates(name: str, method: str, copies: int) -> dict[str, float]:
             world = device_world(task, lambda given: build_method(given, method))
             compiled = jax.jit(jax.vmap(lambda start, taken, world=world: run(world, start, taken).rewards))
             given = jnp.asarray(starts[:, None]), jnp.asarray(actions)
-            call = partial(_finished, compiled, *given)
-            begun = time.process_time()
-            call()
+            call, begun = partial(compiled, *given), time.process_time()
+            jax.block_until_ready(call())
             found[f"first call, s, {bits}"] = time.process_time() - begun
             found[f"JAX {bits}"] = _rate(call, steps)
     return found
 
 
-def _finished(compiled: Callable[..., Any], *args: Array) -> None:
-    jax.block_until_ready(compiled(*args))
-
-
-def _rate(work: Callable[[], None], steps: int) -> float:
-    """Of calls that make so many steps each."""
+def _rate(work: Callable[[], Any], steps: int) -> float:
+    """Of calls that make so many steps each. JAX gives its answer before it has it, so it is waited for."""
     work()
     found = list[float]()
     for _ in range(CALLS):
         begun, calls = time.process_time(), 0
         while time.process_time() - begun < SECONDS:
-            work()
+            jax.block_until_ready(work())
             calls += 1
         found.append(calls * steps / (time.process_time() - begun))
     return float(np.median(found))
