@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -126,10 +126,9 @@ def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth
     return np.array([((t > t0) | (t0 == 0)) & (t <= term.end) for term, t0 in zip(terms, begins, strict=True)])
 
 
-def at(table: Array, t: Integers) -> Array:
+def at(table: Array | Truth, t: Integers) -> Any:
     """The entries of a table (T + 1,) at the times t. A library other than NumPy, as JAX, reads it at its own times."""
-    entries: Array = table[t] if isinstance(t, np.ndarray) else t.__array_namespace__().asarray(table)[t]
-    return entries
+    return table[t] if isinstance(t, np.ndarray) else t.__array_namespace__().asarray(table)[t]
 
 
 def timeless(value: Callable[[Array], Array]) -> Value:
