@@ -83,7 +83,13 @@ class Delivery:
         facts |= {"interrupted": self.interrupted} | self._certified(actor, starts) | {"repeatable": repeatable}
         if not repeatable:
             facts["seed"] = None
-        counterexample = self._attacked(actor, starts) if repeatable and not self.interrupted else None
+        counterexample = None
+        if repeatable and not self.interrupted:
+            if self.clock.left:
+                counterexample = self._attacked(actor, starts)
+            else:
+                later = f"stlbench falsify {self.best.id.name} --results {self.cells}"
+                remarks.append(f"no time was left for a counterexample; `{later}` searches one")
         page = partial(self._page, actor.task, facts, counterexample)
         for what, part in (("policy", self._policy), ("film", self._film), ("page", page)):
             if what != "policy" and (self.interrupted or not self.clock.left):

@@ -103,6 +103,16 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
     assert played.now <= 480  # the rest is for the delivery
 
 
+def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {})
+    monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: pytest.fail("it looked"))
+    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(10.0)
+    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
+    played.now = 490.0
+    assert Trainer(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
+
+
 def raced(minutes: float, jobs: int = 1) -> list[Result]:
     workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(minutes)
