@@ -75,13 +75,10 @@ def test_no_panel_of_profiles_has_a_colour_twice():
     assert all(len({line.get_color() for line in axes.lines}) == len(axes.lines) for axes in panels)
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_one_figure_for_each_budget_and_track(tmp_path):
+def test_one_figure_for_each_budget_and_track():
     plain = Field("quick", "plain", EVERY.tasks, "all 3", EVERY.entries)
-    paths = [path for each in drawings_across((plain, EVERY, COMMON), COLOURED) for path in each.write(tmp_path)]
-    assert [path.name for path in paths] == [
-        f"across-quick-{track}.{end}" for track in ("plain", "shared") for end in ("png", "svg", "pdf")
-    ]
+    names = [each.name for each in drawings_across((plain, EVERY, COMMON), COLOURED)]
+    assert names == ["across-quick-plain", "across-quick-shared"]
     assert drawings_across((), COLOURED) == []
 
 
@@ -94,12 +91,8 @@ def drawn(methods, tasks):
 
 
 def test_ranks_are_drawn_of_three_methods_that_fit_eight_drawn_tasks():
-    assert [each.name for each in drawings_across((drawn(3, 8),), COLOURED)] == [
-        "across-quick-auto",
-        "groups-quick-auto",
-        "satisfied-quick-auto",
-        "ranks-quick-auto",
-    ]
+    names = [each.name for each in drawings_across((drawn(3, 8),), COLOURED)]
+    assert names == [f"{kind}-quick-auto" for kind in ("across", "groups", "satisfied", "ranks")]
     for field, count in ((drawn(2, 8), 3), (drawn(3, 7), 3), (EVERY, 1)):
         assert len(drawings_across((field,), COLOURED)) == count
 

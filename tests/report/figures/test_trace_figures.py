@@ -50,22 +50,13 @@ def files(*names):
 
 
 def test_two_figures_per_method_and_two_per_task(run):
-    names = run.draw(
-        *(run.save(synthetic_results.result(method, seed)) for method in ("funnel", "raw") for seed in (0, 1))
-    )
-    kinds = [
-        f"{kind}-hold-disc-{method}-dqn-quick" for kind in ("time", "trajectories") for method in ("funnel", "raw")
-    ]
-    assert (
-        names
-        == files("learning-hold-disc", "overview-hold-disc", *kinds)
-        == {path.name for path in (run.folder / "out").iterdir()}
-    )
+    both = ("funnel", "raw")
+    names = run.draw(*(run.save(synthetic_results.result(method, seed)) for method in both for seed in (0, 1)))
+    kinds = [f"{kind}-hold-disc-{method}-dqn-quick" for kind in ("time", "trajectories") for method in both]
+    assert names == files("learning-hold-disc", "overview-hold-disc", *kinds)
+    assert names == {path.name for path in (run.folder / "out").iterdir()}
     assert run.warnings == []
-    assert run.told == [
-        "[1/2] hold-disc/funnel/dqn quick: 6 files",
-        "[2/2] hold-disc/raw/dqn quick: 6 files",
-    ]
+    assert run.told == [f"[{i}/2] hold-disc/{method}/dqn quick: 6 files" for i, method in enumerate(both, 1)]
 
 
 def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run, monkeypatch):
@@ -102,15 +93,10 @@ def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run
     assert usual <= names
 
 
-def test_all_failed(run):
-    assert (
-        run.draw(synthetic_results.result(status="timeout"), synthetic_results.result("tau-mdp", status="intractable"))
-        == set()
-    )
+def test_all_failed_is_no_warning_and_a_folder_without_any_traces_is_one(run):
+    failed = synthetic_results.result(status="timeout"), synthetic_results.result("tau-mdp", status="intractable")
+    assert run.draw(*failed) == set()
     assert run.warnings == []
-
-
-def test_a_folder_without_any_traces_is_one_warning(run):
     drawn = run.draw(*(synthetic_results.result("funnel", seed) for seed in range(3)))
     assert drawn == files("learning-hold-disc")
     assert len(run.warnings) == 1

@@ -8,13 +8,12 @@ import pytest
 from helpers.synthetic_results import plan, result
 
 from stlbench.records.identity import CellId
-from stlbench.records.result import Result, Score
+from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.rows import split
 from stlbench.report.tables.yardsticks import Aligned, align, alignment_table, best_known
 from stlbench.simulation.references import References
-from stlbench.task.file import BestKnown
 
 OWN = {"overlap": References(own_agent="td3")}
 
@@ -92,18 +91,6 @@ class TestBestKnown:
     def test_it_is_the_most_that_a_plan_for_the_formula_reached(self) -> None:
         cells = [overlap(), best(0.2), best(0.25, agent="best[resolution=0.5]"), learned(0.3)]
         assert one(*cells).best_known == 0.25
-
-    def test_what_the_task_file_says_is_known_too(self) -> None:
-        known = {"overlap": References(best_known=BestKnown(robustness=0.9), own_agent="td3")}
-        assert one(overlap(), references=known).best_known == 0.9
-        assert one(overlap(), best(0.2), references=known).best_known == 0.9
-        assert one(overlap()).best_known is None
-
-    def test_the_controller_by_hand_is_possible_too(self) -> None:
-        better = {"overlap": References(by_hand=Score((0.3, 0.5), (True, True), {}))}
-        assert one(overlap(), best(0.2), references=better).best_known == pytest.approx(0.4)
-        assert one(overlap(), best(0.7), references=better).best_known == 0.7
-        assert one(overlap(), references=better).best_known is None
 
     def test_what_a_plan_for_a_reward_reaches_is_possible_too(self) -> None:
         assert one(overlap("raw", "planner", 0.3), best(0.2)).best_known == 0.3

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import pytest
 from helpers.made_subjects import still
 from helpers.synthetic_results import by_hand, measurement, plan, result, score
 
@@ -14,7 +13,7 @@ from stlbench.report import Table, condense
 from stlbench.report.page import cells_shown
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
-from stlbench.report.tables.runs import circumstances, overview, robustness_table, scores_and_cost, time_table
+from stlbench.report.tables.runs import overview, robustness_table, scores_and_cost, time_table
 from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import show
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, controllers_table
@@ -119,18 +118,6 @@ def test_cells() -> None:
     measured = replace(measurement(), selected={"formula": ended})
     table = robustness_table(condense([replace(RESULTS[0], measurement=measured)]), KNOWN)
     assert shown(table)["ended early [%]"] == "16.7"
-
-
-@pytest.mark.parametrize(("seconds", "said"), [(59.94, "59.9 seconds"), (60, "1.0 minutes"), (3599, "60.0 minutes")])
-def test_the_time_of_all_cells(seconds: float, said: str) -> None:
-    found = dict(circumstances(condense([result(cpu_seconds=seconds)])).rows)
-    assert found["CPU time"] == f"{said}, training and evaluation"
-
-
-def test_code_and_one_day() -> None:
-    facts = {"code": "harness 3, dqn 2, funnel 1", "time": "2026-11-20T23:00:00+00:00"}
-    found = dict(circumstances(condense([replace(result(), provenance=facts)])).rows)
-    assert (found["code of stlbench"], found["begun"]) == ("3", "2026-11-20")
 
 
 def test_comparisons() -> None:
