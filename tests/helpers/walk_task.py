@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -26,6 +26,16 @@ class WalkTask(GymTask):
 
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float]:
         return [0.0 if info["doubled"] > 0 else 2.0]
+
+
+class Made(GymTask):
+    """Its environments are those that a function makes."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make = make
+
+    def make(self) -> gymnasium.Env[Any, Any]:
+        return self._make()
 
 
 FILE: dict[str, Any] = {

@@ -109,20 +109,10 @@ def check_along(name: str, formula: str, hold: int, seed: int) -> None:
         before, memory, t = samples[-1], after, t + hold
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "bhnr",
-        "bhnr, block",
-        "dense, level",
-        "dense, difference",
-        "flag",
-        "sparse",
-        "tau-mdp",
-        "tau-mdp, probability",
-        "tltl",
-    ],
-)
+NAMES = ["bhnr", "bhnr, block", "dense, level", "dense, difference", "flag", "sparse", "tau-mdp", "tltl"]
+
+
+@pytest.mark.parametrize("name", [*NAMES, "tau-mdp, probability"])
 @given(formula=windows(), hold=st.integers(1, 9), seed=st.integers(0, 2**32))
 def test_windows(name: str, formula: str, hold: int, seed: int) -> None:
     check_along(name, formula, hold, seed)
@@ -184,24 +174,24 @@ def test_what_is_paid_while_an_action_is_held() -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "raw",
-        "funnel",
-        "flag",
-        "tau-mdp",
-        "tau-mdp[form=probability]",
-        "tltl",
-        "tltl[semantics=gmsr]",
-        "tltl[semantics=gilpin]",
-        "bhnr[semantics=gilpin]",
-        "dense[semantics=gilpin]",
-        "bhnr",
-        "bhnr[mode=block,semantics=lse]",
-        "bhnr[semantics=filtering-sum]",
-        "causation",
-        "dense",
-        "dense[mode=difference]",
-        "sparse",
-        "sparse[pays=failure]",
+        *[
+            "raw",
+            "funnel",
+            "flag",
+            "tau-mdp",
+            "tau-mdp[form=probability]",
+            "tltl",
+            "tltl[semantics=gmsr]",
+            "tltl[semantics=gilpin]",
+        ],
+        *[
+            "bhnr",
+            "bhnr[semantics=gilpin]",
+            "bhnr[mode=block,semantics=lse]",
+            "bhnr[semantics=filtering-sum]",
+            "causation",
+        ],
+        *["dense", "dense[semantics=gilpin]", "dense[mode=difference]", "sparse", "sparse[pays=failure]"],
     ],
 )
 def test_the_contract_is_kept(name: str) -> None:

@@ -107,13 +107,8 @@ def test_what_a_method_adds(kind: type[Latch], said: str) -> None:
     task = line(hold=2)
     environment = BatchEnvironment(task, kind(task.specification), 3, seed=0)
     environment.reset()
-
-    def learned() -> None:
-        environment.step(STAY)
-        environment.counterfactual(np.random.default_rng(0))
-
     with pytest.raises(PluginFault, match=f"^{said}$"):
-        learned()
+        _ = environment.step(STAY), environment.counterfactual(np.random.default_rng(0))
 
 
 def test_an_installed_method_is_told_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete, MultiDiscrete
 from helpers.walk_env import Walk
-from helpers.walk_task import WalkTask, walk
+from helpers.walk_task import Made, WalkTask, walk
 
 from stlbench.contract import Array, GymTask, World
 from stlbench.errors import UsageError
@@ -119,12 +119,7 @@ def test_a_copy_that_has_ended_stands_still_and_is_not_stepped() -> None:
 def test_copies_are_used_again() -> None:
     made = list[int]()
 
-    class Counted(WalkTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            made.append(1)
-            return Walk()
-
-    task = walk(Counted())
+    task = walk(Made(lambda: made.append(1) or Walk()))  # type: ignore[func-returns-value]
     for _ in range(3):
         begun(task, 0, 1, 2)
     assert len(made) == 3
@@ -162,14 +157,9 @@ class Odd(Walk):
     ],
 )
 def test_what_an_environment_must_not_do_is_said_in_a_line(fault: str, said: str) -> None:
-    class Faulty(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return Odd(fault)
-
     texts = {"x": "x", "y": "doubled"}
-    world = begun(
-        walk(Faulty(), signals={name: {"low": -9, "high": 9, "expression": texts[name]} for name in texts}), 0
-    )
+    signals = {name: {"low": -9, "high": 9, "expression": texts[name]} for name in texts}
+    world = begun(walk(Made(lambda: Odd(fault)), signals=signals), 0)
     world.advance(act(2), 2)
     with pytest.raises(UsageError, match=f"^{said}[^\n]*$"):
         world.advance(act(2), 1)
@@ -183,22 +173,14 @@ def test_what_an_environment_must_not_do_is_said_in_a_line(fault: str, said: str
     ],
 )
 def test_an_observation_that_is_none_is_told_where_all_such_things_are(signal: str, said: str) -> None:
-    class Faulty(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return Odd("nan")
-
-    task = walk(Faulty(), signals={"x": {"low": -9, "high": 9, "expression": signal}})
+    task = walk(Made(lambda: Odd("nan")), signals={"x": {"low": -9, "high": 9, "expression": signal}})
     simulator = Simulator(task, Raw(task.specification))
     simulator.reset(np.zeros((1, 1)))
-
-    def step() -> None:
+    for _ in range(2):
         simulator.advance(np.array([2]))
         simulator.observe()
-
-    step()
-    step()
     with pytest.raises(UsageError, match=f"^{said}$"):
-        step()
+        _ = simulator.advance(np.array([2])), simulator.observe()
 
 
 @pytest.mark.parametrize(
@@ -219,11 +201,7 @@ def test_what_an_environment_must_not_do_when_it_begins_anew(fault: str, said: s
             begun_ = super().reset(**options)
             return np.zeros(2) if self.begun == 2 and fault == "no tuple" else begun_
 
-    class Faulty(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return Changing()
-
-    world = begun(walk(Faulty()), 0)
+    world = begun(walk(Made(Changing)), 0)
     with pytest.raises(UsageError, match=f"^{said}$"):
         world.restart(np.array([0]), np.zeros((1, 1)))
 
@@ -250,21 +228,10 @@ class Taking(Walk):
 )
 def test_actions_are_what_the_environment_takes(space: Any, vector: list[float], given: Any) -> None:
     env = Taking(space)
-
-    class Given(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return env
-
-    task = walk(Given())
+    task = walk(Made(lambda: env))
     world = begun(task, 0)
     world.advance(np.array([vector]), 1)
     assert np.array_equal(env.given[0], given)
     assert space.contains(env.given[0])
-    assert (len(task.actions.names), task.actions.low[0]) == (
-        len(vector),
-        float(np.ravel(given * 0 + space_low(space))[0]),
-    )
-
-
-def space_low(space: Any) -> Any:
-    return space.low if isinstance(space, Box) else space.start
+    low = space.low if isinstance(space, Box) else space.start
+    assert (len(task.actions.names), task.actions.low[0]) == (len(vector), float(np.ravel(given * 0 + low)[0]))

@@ -8,9 +8,9 @@ import gymnasium
 import numpy as np
 import pytest
 from helpers.walk_env import Walk
-from helpers.walk_task import WalkTask, walk
+from helpers.walk_task import Made, WalkTask, walk
 
-from stlbench.contract import Array, Integers, Policy
+from stlbench.contract import Array, GymTask, Integers, Policy
 from stlbench.registry.choices import Choice
 from stlbench.study.policies import Reenactment
 from stlbench.task import build_method
@@ -52,22 +52,15 @@ def test_after_an_early_end_the_last_picture_stays() -> None:
     assert film.repeats(ended)
 
 
-class Undrawn(WalkTask):
-    """Does not pass its render mode on."""
+def having(**attributes: Any) -> Made:
+    """A task whose walk has these attributes."""
 
-    def make(self) -> gymnasium.Env[Any, Any]:
+    def make() -> Walk:
         env = Walk()
-        env.render_mode = None  # type: ignore[assignment]
+        vars(env).update(attributes)
         return env
 
-
-class Blind(WalkTask):
-    """Has no pictures."""
-
-    def make(self) -> gymnasium.Env[Any, Any]:
-        env = Walk()
-        env.metadata = {"render_modes": []}
-        return env
+    return Made(make)
 
 
 class Torn(Walk):
@@ -75,23 +68,19 @@ class Torn(Walk):
         raise OSError("no driver\nat all")
 
 
-class Broken(WalkTask):
-    """Cannot draw on this machine."""
-
-    def make(self) -> gymnasium.Env[Any, Any]:
-        return Torn()
-
-
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
         (WalkTask(), ""),
-        (Undrawn(), "it was not made with the render mode rgb_array; make() should pass on self.render_mode"),
-        (Blind(), "the environment has no render mode rgb_array"),
-        (Broken(), "the environment cannot draw itself here: OSError: no driver at all"),
+        (
+            having(render_mode=None),
+            "it was not made with the render mode rgb_array; make() should pass on self.render_mode",
+        ),
+        (having(metadata={"render_modes": []}), "the environment has no render mode rgb_array"),
+        (Made(Torn), "the environment cannot draw itself here: OSError: no driver at all"),
     ],
 )
-def test_why_an_environment_has_no_pictures(kind: WalkTask, said: str) -> None:
+def test_why_an_environment_has_no_pictures(kind: GymTask, said: str) -> None:
     assert walk(kind).source.undrawn == said
 
 

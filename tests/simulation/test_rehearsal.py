@@ -44,7 +44,8 @@ def rehearsed(steps: int, hold: int = 1) -> tuple[Scribe, BatchEnvironment]:
     return agent, made[0]
 
 
-def test_an_agent_trains_1000_decisions_or_its_budget() -> None:
+def test_an_agent_trains_1000_decisions_or_its_budget_with_its_seed() -> None:
+    assert rehearsed(120)[0].given.seed == 7
     assert len(rehearsed(10**6)[0].seen) == 250  # 4 copies each
     assert len(rehearsed(10**6, hold=4)[0].seen) == 250
     assert len(rehearsed(120)[0].seen) == 30
@@ -64,7 +65,3 @@ def test_what_an_agent_does_to_a_transition_does_not_come_back() -> None:
     last: Transition = agent.seen[-1]
     last.observation[:] = np.nan
     assert np.isfinite(agent.seen[-2].observation).all()
-
-
-def test_the_seed_is_the_trainings() -> None:
-    assert rehearsed(120)[0].given.seed == 7

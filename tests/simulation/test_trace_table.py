@@ -88,12 +88,7 @@ class TestNumbers:
 
     def test_what_is_one_is_read(self, tmp_path: Path) -> None:
         texts = [
-            "9007199254740992",
-            "1152921504606846976",
-            "0.1",
-            "1e23",
-            "1700000000000010000.0",
-            "-0",
+            *["9007199254740992", "1152921504606846976", "0.1", "1e23", "1700000000000010000.0", "-0"],
             "0" * 5000 + "8",
         ]
         assert table(tmp_path, "x\n" + "\n".join(texts) + "\n").column("x") == [float(text) for text in texts]
@@ -170,10 +165,7 @@ class TestTimes:
     @pytest.mark.parametrize(
         ("texts", "message"),
         [
-            (
-                ["0", "1", "2", "4", "5"],
-                r"row 5 has time 4, 2 s after the row before; rows must be one distance apart, .* 1 s",
-            ),
+            (["0", "1", "2", "4", "5"], r"row 5 has time 4, 2 s after the row before; .* one distance apart, .* 1 s"),
             (["0", "1", "2", "3", "3.5"], r"row 6 has time 3.5, 0.5 s after the row before"),
             (["0", "3", "4", "5", "6"], r"row 3 has time 3, 3 s after the row before"),
         ],

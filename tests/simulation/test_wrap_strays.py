@@ -12,10 +12,9 @@ from gymnasium.spaces import Box, Dict
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 from helpers.walk_env import BASE, RIGHT, STAY, Walk, played, wrapped
-from helpers.walk_task import walk
+from helpers.walk_task import Made, walk
 
 import stlbench
-from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.simulation.worlds import make_world
 from stlbench.task.gym_make import JointEnv
@@ -67,28 +66,15 @@ def test_an_environment_of_the_older_api_is_told_as_check_tells_it(
         return TimeLimit(kind(), 4) if limited else kind()
 
     env: Any = stlbench.wrap(SyncVectorEnv([make] * 2) if vector else make(), FORMULA, **BASE, steps=4)  # type: ignore[call-overload]
-
-    def play() -> None:
-        env.reset(seed=0)
-        env.step(np.array([STAY, STAY]) if vector else STAY)
-
     with pytest.raises(UsageError, match=said):
-        play()
+        _ = env.reset(seed=0), env.step(np.array([STAY, STAY]) if vector else STAY)
 
 
 @pytest.mark.parametrize(("kind", "said"), OLD)
 def test_so_is_one_of_a_task(kind: type[Walk], said: str) -> None:
-    class Old(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return kind()
-
-    def play() -> None:
-        world = make_world(walk(Old()), 1)
-        world.restart(np.array([0]), np.zeros((1, 1)))
-        world.advance(np.array([[1.0]]), 1)
-
+    world = make_world(walk(Made(kind)), 1)
     with pytest.raises(UsageError, match=said):
-        play()
+        _ = world.restart(np.array([0]), np.zeros((1, 1))), world.advance(np.array([[1.0]]), 1)
 
 
 def test_so_is_a_parallel_environment() -> None:
@@ -139,14 +125,10 @@ def test_a_reward_of_any_form_is_accepted_as_a_task_does(own: Any, shown: float)
             observation, _, *rest = super().step(action)
             return observation, own, *rest
 
-    class Task(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return Pays()
-
     ((_, reward, _, _, info),) = played(wrapped(Pays()), RIGHT)
     assert (reward, info["env_reward"].dtype, info["env_reward"].shape) == (0.5, np.float64, ())
     np.testing.assert_array_equal(info["env_reward"], shown)
-    world = make_world(walk(Task()), 1)
+    world = make_world(walk(Made(Pays)), 1)
     world.restart(np.array([0]), np.zeros((1, 1)))
     assert world.advance(np.array([[2.0]]), 1)[1].tolist() == [[0.5]]
 
@@ -169,17 +151,14 @@ def test_a_signal_in_an_array_of_one_number_is_a_number() -> None:
             *rest, info = super().step(action)
             return *rest, {"doubled": np.array([info["doubled"]])}
 
-    class Written(GymTask):
-        def make(self) -> gymnasium.Env[Any, Any]:
-            return Boxed()
-
+    class Written(Made):
         def signals(self, observation: Any, info: Any) -> Any:
             return (np.ravel(info["doubled"]) / 2,)
 
     for signals in ({"x": "doubled / 2"}, lambda observation, info: {"x": observation[:1]}):
         *_, info = played(wrapped(Boxed(), signals=signals), RIGHT)[0]
         assert info["signals"].tolist() == [[0.5]]
-    world = make_world(walk(Written()), 1)
+    world = make_world(walk(Written(Boxed)), 1)
     world.restart(np.array([0]), np.zeros((1, 1)))
     assert world.advance(np.array([[2.0]]), 1)[1].tolist() == [[0.5]]
 
@@ -200,9 +179,7 @@ class Far(Walk):
         return {"place": seen["place"]} if self.kind == "dict" else seen
 
 
-SAID = (
-    "the environment returned an observation outside its space at step 3{}: {} is 1.5, outside -1 to 1; a `scale` for"
-)
+SAID = "returned an observation outside its space at step 3{}: {} is 1.5, outside -1 to 1; a `scale` for"
 
 
 def told(play: Callable[[], Any]) -> list[str]:
@@ -227,13 +204,8 @@ def test_an_observation_outside_its_space_is_a_warning_once(kind: str, options: 
 
 def test_of_a_vector_environment_the_copy_is_named() -> None:
     envs = stlbench.wrap(SyncVectorEnv([Far] * 2), FORMULA, **BASE, steps=4)
-
-    def play() -> None:
-        envs.reset(seed=0)
-        for _ in range(3):
-            envs.step(np.array([STAY, RIGHT]))
-
-    (line,) = told(play)
+    envs.reset(seed=0)
+    (line,) = told(lambda: [envs.step(np.array([STAY, RIGHT])) for _ in range(3)])
     assert SAID.format(" of copy 1", "'x'") in line
 
 

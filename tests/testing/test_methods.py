@@ -17,20 +17,10 @@ from stlbench.testing import check_method, check_task
 
 METHODS, TASKS = plugins.available("methods"), plugins.available("tasks")
 VARIANTS = (
-    "funnel[shape=clipped]",
-    "funnel[shape=normalised,variant=code]",
-    "funnel[activity=literal,t_star=0]",
-    "raw[activity=literal]",
-    "flag[beta=2]",
-    "tau-mdp[form=probability]",
-    "tau-mdp[beta=5]",
-    "hprs[later=target]",
-    "hprs[variant=auto-shaping,gamma=0.9]",
-    "hprs[violation=ends,later=target]",
-    "machine[shaping=phases]",
-    "counters[pays=verdict]",
-    "cfer[flags=published]",
-    "tau-cmdp[window=after]",
+    *["funnel[shape=clipped]", "funnel[shape=normalised,variant=code]", "funnel[activity=literal,t_star=0]"],
+    *["raw[activity=literal]", "flag[beta=2]", "tau-mdp[form=probability]", "tau-mdp[beta=5]", "hprs[later=target]"],
+    *["hprs[variant=auto-shaping,gamma=0.9]", "hprs[violation=ends,later=target]", "machine[shaping=phases]"],
+    *["counters[pays=verdict]", "cfer[flags=published]", "tau-cmdp[window=after]"],
 )
 
 
