@@ -25,11 +25,8 @@ def test_what_fits_and_why_the_others_do_not(say, toy):
     assert fitting["toy-raw"] == {"method": "toy-raw", "inputs": 0, "memory": 0, "also": [], "extension": ""}
     assert fitting["machine"]["also"] == ["counterfactuals", "ends"]
     refused = {row["method"]: row for row in found["do_not_fit"]}
-    assert refused["toy-large"] == {
-        "method": "toy-large",
-        "status": "intractable",
-        "reason": "needs 6003 inputs, limit 512",
-    }
+    large = {"method": "toy-large", "status": "intractable", "reason": "needs 6003 inputs, limit 512"}
+    assert refused["toy-large"] == large
     assert refused["hprs"]["status"] == "unsuitable"
     assert not set(fitting) & set(refused)
 

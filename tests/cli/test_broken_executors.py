@@ -30,16 +30,8 @@ ITEMS = f"{RULE}, it gives"
         ("yield next(outcomes); yield None", f": {ITEMS} None", 1),
         ("yield Outcome(2, 'killed')", f": {ITEMS} Outcome(index=2, status='killed'", 0),
         ("yield next(outcomes)", f": {RULE}; 1 of them are missing", 1),
-        (
-            "yield Outcome(0, 'odd')",
-            ": its outcome has the status 'odd', the contract says done, raised, timeout, killed",
-            0,
-        ),
-        (
-            "yield Outcome(0, 'killed', facts=7)",
-            ": its outcome has facts of type int, the contract says a mapping or",
-            0,
-        ),
+        ("yield Outcome(0, 'odd')", ": its outcome has the status 'odd', the contract says done, raised, timeout", 0),
+        ("yield Outcome(0, 'killed', facts=7)", ": its outcome has facts of type int, the contract says a mapping", 0),
     ],
 )
 def test_it_is_told_with_its_name(say, toy, body, message, kept):

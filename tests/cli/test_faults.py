@@ -106,10 +106,7 @@ SAID = {
     "refuses": ("intractable", "(its text cannot be had, it raises KeyError)"),
     "unfit": ("unsuitable", "\\x1b[31mred \\udcff"),
     "extended": ("done", ""),
-    "typed": (
-        "raised",
-        "PluginError: method 'bad-typed' of bad-plugins 1.2 (bad_plugins.methods:Typed): its extension",
-    ),
+    "typed": ("raised", "PluginError: method 'bad-typed' of bad-plugins 1.2 (bad_plugins.methods:Typed): its ext"),
 }
 
 
@@ -222,13 +219,8 @@ class Forks(Raw):
 """
 
 
-@pytest.fixture
-def forking(site, toy):
-    entries = "[stlbench.methods]\nbad-forks = bad_forks:Forks\n"
-    return site("bad-plugins", entries, {"bad_forks.py": FORKS})
-
-
-def test_a_forked_child_does_not_answer_for_its_cell(forking, say):
+def test_a_forked_child_does_not_answer_for_its_cell(site, toy, say):
+    site("bad-plugins", "[stlbench.methods]\nbad-forks = bad_forks:Forks\n", {"bad_forks.py": FORKS})
     done = say("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", 1, "--methods", "bad-forks")
     assert "toy-line/bad-forks/toy-agent/0 done: robustness" in done.stderr
     assert done.exit_code == 0

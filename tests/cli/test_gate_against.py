@@ -114,11 +114,8 @@ def test_a_change_whose_process_ends_is_worse(repository, say):
 
 def test_a_base_that_runs_code_of_the_change_is_refused(repository, say, monkeypatch):
     monkeypatch.setenv("OF_THE_CHANGE", str(repository / "late"))
-    edit(
-        repository / "toy_plugins" / "methods.py",
-        "",
-        "import os, sys\nsys.path.append(os.environ['OF_THE_CHANGE'])\nimport late\n",
-    )
+    late = "import os, sys\nsys.path.append(os.environ['OF_THE_CHANGE'])\nimport late\n"
+    edit(repository / "toy_plugins" / "methods.py", "", late)
     (repository / "late").mkdir()
     (repository / "late" / "late.py").write_text("")
     git(repository, "commit", "--quiet", "--all", "-m", "imports what is not committed")

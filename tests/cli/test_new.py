@@ -112,12 +112,8 @@ def test_a_bad_name_or_environment_is_one_line(tmp_path: Path, words: tuple[str,
 @pytest.mark.parametrize(
     ("identifier", "agent"),
     [
-        ("CartPole-v1", "dqn"),
-        ("Pendulum-v1", "td3"),
-        ("gymnasium_robotics:FetchReach-v4", "td3"),
-        ("Hopper-v5", "td3"),
-        ("HalfCheetah-v5", "td3"),
-        ("shimmy:dm_control/cartpole-balance-v0", "td3"),
+        *(("CartPole-v1", "dqn"), ("Pendulum-v1", "td3"), ("gymnasium_robotics:FetchReach-v4", "td3")),
+        *(("Hopper-v5", "td3"), ("HalfCheetah-v5", "td3"), ("shimmy:dm_control/cartpole-balance-v0", "td3")),
     ],
 )
 def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
@@ -189,9 +185,8 @@ def test_what_hardly_moves_at_random_is_scaled_by_what_does(tmp_path: Path, monk
 def test_what_leaves_its_ends_is_scaled_by_what_was_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The space says [-1, 1] for both; x reaches 4 at its first step, and the other entry stays there."""
     monkeypatch.syspath_prepend(tmp_path)
-    text = LEVER.replace("np.array([-np.inf] * 4 + [0]), np.inf, (5,)", "-1, 1, (2,)").replace(
-        ", 1e-6 * self.x, 0, 7", ""
-    )
+    text = LEVER.replace("np.array([-np.inf] * 4 + [0]), np.inf, (5,)", "-1, 1, (2,)")
+    text = text.replace(", 1e-6 * self.x, 0, 7", "")
     (tmp_path / "zz_liar_lever.py").write_text(text.replace("Lever-v0", "LiarLever-v0"))
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     words = "new", "task", "zz-liar", "--into", str(tmp_path), "--environment", "zz_liar_lever:LiarLever-v0"

@@ -46,16 +46,8 @@ def test_what_results_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> None:
     known = advise._known(load_task("hold-disc"), Path("none"))
     assert known == {"funnel": {"budget": "quick", "seeds": 2, "satisfaction": 0.875, "robustness": 0.6875}}
     row = {"method": "funnel", "inputs": 2, "memory": 3, "also": ["ends"], "extension": None, "known": known["funnel"]}
-    facts = {
-        "task": None,
-        "formula": "f",
-        "rewarded": "f",
-        "nested": None,
-        "schedule": None,
-        "warning": None,
-        "fit": [row],
-        "do_not_fit": [],
-    }
+    facts = {"formula": "f", "rewarded": "f", "fit": [row], "do_not_fit": []}
+    facts |= dict.fromkeys(("task", "nested", "schedule", "warning"))
     (shown,) = to_records(tables(advise._text(facts, known=True))[0])
     assert shown == {
         **{"method": "funnel", "inputs": 2, "memory": 3, "also": "ends", "budget": "quick", "seeds": 2},
@@ -84,23 +76,13 @@ def test_trials() -> None:
     trials = [Trial({"gamma": 0.99}, "done", 0.25, -0.5), best, Trial({"gamma": 0.5}, "timeout")]
     entrant = Entrant(Choice("line"), Choice("dqn"), Choice("raw"), {"gamma": (0.9, 0.5)}, {"gamma": 0.99}, trials)
     same = {"task": "line", "agent": "dqn", "method": "raw"}
-    assert to_records(run._table([entrant])) == [
-        same
-        | {
-            **{"trial": 0, "gamma": 0.99, "status": "done"},
-            **{"satisfaction": 0.25, "robustness": -0.5, "chosen": None},
-        },
-        same
-        | {
-            **{"trial": 1, "gamma": 0.9, "status": "done"},
-            **{"satisfaction": 0.75, "robustness": 0.5, "chosen": "yes"},
-        },
-        same
-        | {
-            **{"trial": 2, "gamma": 0.5, "status": "timeout"},
-            **{"satisfaction": None, "robustness": None, "chosen": None},
-        },
+    titles = ("trial", "gamma", "status", "satisfaction", "robustness", "chosen")
+    rows = [
+        (0, 0.99, "done", 0.25, -0.5, None),
+        (1, 0.9, "done", 0.75, 0.5, "yes"),
+        (2, 0.5, "timeout", None, None, None),
     ]
+    assert to_records(run._table([entrant])) == [same | dict(zip(titles, row, strict=True)) for row in rows]
 
 
 def test_policies() -> None:

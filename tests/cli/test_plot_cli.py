@@ -80,9 +80,8 @@ def test_a_cell_whose_traces_are_gone(ran, say):
     assert f"error: {CELL} has no traces at results/traces/" in refused(say("render", "results", CELL))
     done = say("plot", "results")
     assert done.exit_code == 0
-    assert [line.partition(" has no traces")[0] for line in done.stderr.splitlines()[:2]] == [
-        f"warning: toy-line/toy-raw/toy-agent/{seed}" for seed in (0, 1)
-    ]
+    told = [line.partition(" has no traces")[0] for line in done.stderr.splitlines()[:2]]
+    assert told == [f"warning: toy-line/toy-raw/toy-agent/{seed}" for seed in (0, 1)]
 
 
 def test_two_budgets_of_one_cell_are_told_apart(ran, say, toy):

@@ -170,13 +170,11 @@ def test_a_folder_that_cannot_be_written_is_reported_on_the_screen(run, say):
     assert json.loads(say("report", "results", "--json").stdout)["cells"]
 
 
-def test_report_of_an_empty_ledger(say):
-    with Ledger(Path("results/ledger.sqlite")) as ledger:
+def test_bad_input_exits_2_with_one_line(run, say):
+    with Ledger(Path("empty") / FILE) as ledger:
         ledger.plan({})
-    assert say("report", "results").stderr == "error: results/ledger.sqlite holds no result yet\n"
-
-
-def test_bad_input_exits_2_with_one_line(run):
+    assert say("report", "empty").stderr == "error: empty/ledger.sqlite holds no result yet\n"
+    shutil.rmtree("empty")
     Path("file").write_text("")
     for words, message in (
         (["--methods", "toy-rwa"], "no method 'toy-rwa'; did you mean 'toy-raw'?"),

@@ -177,14 +177,11 @@ class TestOutside:
         [
             (
                 ["zz_functions:bad"],
-                r"its actions are float64 (16, 2); expected are whole numbers (16,), values (16, 3), or (16, 1) for v",
+                "its actions are float64 (16, 2); expected are whole numbers (16,), values (16, 3), or",
             ),
             (["zz_functions:down", "--policy", "selected"], "zz_functions:down is no stored cell; leave --policy out"),
             (["short.csv"], "short.csv has 2 rows; an episode of toy-line has 5, one at the start and one after each"),
-            (
-                ["junk.npz"],
-                "cannot read junk.npz as traces of stlbench: it is no file of arrays (.npz), or has",
-            ),
+            (["junk.npz"], "cannot read junk.npz as traces of stlbench: it is no file of arrays (.npz), or has"),
             (["short.csv", "--on", "state"], "short.csv has traces, which are shown nothing"),
             (["zz_functions:down", "--name", "Mine"], "--name Mine: a name consists of a-z"),
             (["zz_functions:down", "--architecture", "mlp[2,3;relu]"], "--architecture is for a state_dict of PyTorch"),
@@ -232,9 +229,7 @@ class TestStored:
 
     def test_on_a_task_that_shows_other_things(self, say, toy):
         path = toy / "toy_plugins/line/system.py"
-        path.write_text(
-            path.read_text().replace('state = ("x",)', 'state = ("x",)\n    beyond_state = ("a close-up",)')
-        )
+        path.write_text(path.read_text().replace('("x",)', '("x",)\n    beyond_state = ("a close-up",)'))
         say(*RUN)
         line = refused(say("score", "toy-line[without=features]", CELL))
         said = "it was trained on toy-line to observe a close-up, which task toy-line[without=features] does not show"

@@ -35,13 +35,9 @@ def turns(ratios: Sequence[float], rounds: int = 2, method: str = "funnel") -> l
     """A turn for each ratio of CPU seconds, in rounds of as many seeds."""
     seeds = math.ceil(len(ratios) / rounds)
     return [
-        Turn(
-            (one := sample(place % seeds, method=method)).id,
-            place // seeds + 1,
-            one,
-            having(one, training_cpu_seconds=2 * ratio),
-        )
+        Turn(one.id, place // seeds + 1, one, having(one, training_cpu_seconds=2 * ratio))
         for place, ratio in enumerate(ratios)
+        for one in [sample(place % seeds, method=method)]
     ]
 
 
@@ -97,31 +93,27 @@ class TestQualityOfTurns:
 
     def judged(self, reference: float, base: float | None, new: float) -> Verdict:
         three = [sample(seed) for seed in range(3)]
-        given = [
-            Turn(
-                one.id,
-                1,
-                None if base is None else having(one, robustness_mean=base),
-                having(one, robustness_mean=new),
-            )
-            for one in three
-        ]
-        judgement, _ = judge_turns(Snapshot({one.id: having(one, robustness_mean=reference) for one in three}), given)
+        before, known, now = (
+            [None if value is None else having(one, robustness_mean=value) for one in three]
+            for value in (base, reference, new)
+        )
+        given = [Turn(one.id, 1, *sides) for one, *sides in zip(three, before, now, strict=True)]
+        judgement, _ = judge_turns(Snapshot({one.id: one for one in known if one}), given)
         (found,) = (entry for entry in judgement.comparisons if entry.metric.name == "robustness")
         return found.verdict
 
-    def test_a_loss(self) -> None:
-        assert self.judged(0.3, 0.3, 0.27) == "worse"
-
-    def test_a_refreshed_reference_says_that_a_loss_is_meant(self) -> None:
-        assert self.judged(0.27, 0.3, 0.27) == "no worse"
-
-    def test_where_this_machine_rounds_otherwise_the_base_is_the_reference(self) -> None:
-        assert self.judged(0.3, 0.2, 0.2) == "no worse"
-        assert self.judged(0.2, 0.3, 0.27) == "worse"
-
-    def test_a_cell_that_the_base_does_not_know_is_compared_with_the_reference(self) -> None:
-        assert self.judged(0.3, None, 0.27) == "worse"
+    @pytest.mark.parametrize(
+        ("reference", "base", "new", "verdict"),
+        [
+            (0.3, 0.3, 0.27, "worse"),
+            (0.27, 0.3, 0.27, "no worse"),  # a refreshed reference says that a loss is meant
+            (0.3, 0.2, 0.2, "no worse"),  # this machine rounds otherwise: the base is the reference
+            (0.2, 0.3, 0.27, "worse"),
+            (0.3, None, 0.27, "worse"),  # the base does not know the cell
+        ],
+    )
+    def test_a_loss(self, reference: float, base: float | None, new: float, verdict: Verdict) -> None:
+        assert self.judged(reference, base, new) == verdict
 
 
 # ------------------------------------------------------------------------------- on recorded turns of real trainings
@@ -179,6 +171,4 @@ def test_the_page_says_how_the_recorded_runs_ended() -> None:
     ]
     page = " ".join((root / "docs" / "howto" / "share.md").read_text(encoding="utf-8").split())
     said = f"no false alarm in {sum(equal.values())} runs of equal code, {equal['loaded']} of them under load"
-    assert (
-        f"{said}; this bounds the rate only at 7 %. It found all three runs with 30 % more CPU, and all three" in page
-    )
+    assert f"{said}; this bounds the rate only at 7 %. It found all three runs with 30 % more CPU, and all" in page

@@ -37,14 +37,11 @@ class TestJunit:
         counts = {name: root.get(name) for name in ("tests", "failures", "errors", "skipped")}
         assert counts == {"tests": "4", "failures": "1", "errors": "1", "skipped": "1"}
         cases = [
-            (case.get("classname"), case.get("name"), [part.tag for part in case]) for case in root.iter("testcase")
+            (case.get("classname"), case.get("name"), *(part.tag for part in case)) for case in root.iter("testcase")
         ]
-        assert cases == [
-            ("disc/funnel/dqn", METRICS[0].name, ["failure"]),
-            ("disc/funnel/dqn", METRICS[1].name, ["skipped"]),
-            ("disc/funnel/dqn", METRICS[2].name, []),
-            ("disc/funnel/dqn/0", "status", ["error"]),
-        ]
+        ends = (["failure"], ["skipped"], [])
+        judged = [("disc/funnel/dqn", metric.name, *end) for metric, end in zip(METRICS, ends, strict=False)]
+        assert cases == [*judged, ("disc/funnel/dqn/0", "status", "error")]
         said = root.find(".//failure").get("message")
         assert said.startswith("worse: robustness: 0.4 to 0.3 (-25")
         assert "10 pairs, p = 0.004" in said
@@ -112,16 +109,8 @@ class TestNumbers:
         robustness, cost = facts(self.JUDGED, *SIDES)["comparisons"]
         setting = {"task": "disc", "method": "funnel", "agent": "dqn", "budget": "smoke", "track": "shared"}
         assert robustness == setting | {
-            **{
-                "metric": "robustness",
-                "pairs": 10,
-                "base": 0.4,
-                "new": 0.3,
-                "change": -0.25,
-                "low": -0.3,
-                "high": -0.2,
-            },
-            **{"tolerated": -0.05, "p_value": 0.004, "verdict": "worse"},
+            **{"metric": "robustness", "pairs": 10, "base": 0.4, "new": 0.3, "change": -0.25},
+            **{"low": -0.3, "high": -0.2, "tolerated": -0.05, "p_value": 0.004, "verdict": "worse"},
         }
         assert cost == setting | {
             **{"metric": "CPU", "pairs": 5, "base": 8.0, "new": 10.0, "change": pytest.approx(1.25)},
@@ -135,10 +124,9 @@ class TestNumbers:
         assert second.get("message") == "worse: CPU: 8 to 10 (x1.25), tolerated x1.14, 5 pairs, p = 0.25"
 
 
-class TestWrite:
-    def test_four_files(self, tmp_path: Path) -> None:
-        write(tmp_path / "new", "stlbench gate", MIXED, *SIDES)
-        files = {path.name: path.read_text() for path in (tmp_path / "new").iterdir()}
-        assert sorted(files) == ["comment.md", "gate.json", "gate.md", "gate.xml"]
-        assert json.loads(files["gate.json"])["verdict"] == "worse"
-        assert files["gate.md"].startswith("# stlbench gate: worse\n")
+def test_four_files(tmp_path: Path) -> None:
+    write(tmp_path / "new", "stlbench gate", MIXED, *SIDES)
+    files = {path.name: path.read_text() for path in (tmp_path / "new").iterdir()}
+    assert sorted(files) == ["comment.md", "gate.json", "gate.md", "gate.xml"]
+    assert json.loads(files["gate.json"])["verdict"] == "worse"
+    assert files["gate.md"].startswith("# stlbench gate: worse\n")

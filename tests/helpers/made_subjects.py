@@ -34,3 +34,14 @@ def ending(actor: Actor, last: int, beyond: float = -np.inf) -> Actor:
         return traces
 
     return replace(actor, record=record)
+
+
+def watched(actor: Actor) -> tuple[Actor, list[Array]]:
+    """The same actor, and the batches of starts that it is asked to play."""
+    met = list[Array]()
+
+    def record(starts: Array) -> Array:
+        met.append(starts)
+        return actor.record(starts)
+
+    return replace(actor, record=record), met

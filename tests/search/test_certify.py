@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from helpers.made_subjects import ending, still
+from helpers.made_subjects import ending, still, watched
 from scipy import stats
 
 from stlbench.errors import UsageError
@@ -86,15 +84,9 @@ def test_what_counts_as_violated_is_not_open() -> None:
 
 def test_the_starts_are_new() -> None:
     """None of them is one of the grids, of the report's random starts or of training."""
-    actor, met = still(NINE_TENTHS), list[np.ndarray]()
+    actor, met = watched(still(NINE_TENTHS))
     task = actor.task
-
-    def record(begun: np.ndarray) -> np.ndarray:
-        met.append(begun)
-        return actor.record(begun)
-
-    watched = replace(actor, record=record)
-    certify(watched, Claim(starts=200))
+    certify(actor, Claim(starts=200))
     own = {state.tobytes() for state in np.concatenate(met)}
     training = derive_seed("pair", "initial states", 0)
     others = [

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.line_task import Probe, Rule, line, steered
-from helpers.made_subjects import ending, still
+from helpers.made_subjects import ending, still, watched
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
@@ -31,13 +31,8 @@ def test_the_bottom_of_a_well(optimiser: str) -> None:
 def test_a_region_with_a_condition(optimiser: str) -> None:
     """Of a + 2 b the least over a in [-1, 0], b in [0, 1], a + b >= -0.2 is that of the corner a = -0.2, b = 0."""
     box = {"box": {"a": [-1, 0], "b": [0, 1]}, "where": "a + b >= -0.2"}
-    actor, met = still("G[0,8] a + 2 * b >= -0.5", initial=box), list[Array]()
-
-    def record(starts: Array) -> Array:
-        met.append(starts)
-        return actor.record(starts)
-
-    found = falsify(replace(actor, record=record), How(optimiser, 2000, least=True))
+    actor, met = watched(still("G[0,8] a + 2 * b >= -0.5", initial=box))
+    found = falsify(actor, How(optimiser, 2000, least=True))
     assert not found.found
     assert found.worst.robustness == pytest.approx(0.3, abs=0.03)
     everything = np.concatenate(met)
@@ -47,13 +42,8 @@ def test_a_region_with_a_condition(optimiser: str) -> None:
 
 @pytest.mark.parametrize("optimiser", OPTIMISERS)
 def test_it_stops_at_a_counterexample_and_says_which_evaluation_was_the_first(optimiser: str) -> None:
-    actor, met = still("G[0,8] a <= -0.2"), list[Array]()
-
-    def record(starts: Array) -> Array:
-        met.append(starts)
-        return actor.record(starts)
-
-    found = falsify(replace(actor, record=record), How(optimiser, 5000))
+    actor, met = watched(still("G[0,8] a <= -0.2"))
+    found = falsify(actor, How(optimiser, 5000))
     violated = np.concatenate(met)[:, 0] > -0.2
     assert found.first == 1 + np.argmax(violated)
     assert found.evaluations == len(violated) < 5000
@@ -76,16 +66,12 @@ def test_random_points_use_all_evaluations_and_no_more() -> None:
     assert found.first is None
 
 
-def test_a_task_with_a_single_start_takes_one_evaluation() -> None:
+def test_a_single_start_takes_one_evaluation_and_a_fixed_coordinate_is_in_the_start() -> None:
     found = falsify(still("G[0,8] a >= 0", initial={"box": {"a": -0.25, "b": 1}}))
     assert (found.evaluations, found.first, found.worst.robustness) == (1, 1, -0.25)
     assert found.start == {"a": -0.25, "b": 1}
-
-
-def test_a_fixed_coordinate_is_in_the_start() -> None:
     found = falsify(still("G[0,8] a <= -0.1", initial={"box": {"a": [-1, 0], "b": 1}}), How(evaluations=300))
-    assert found.found
-    assert found.start["b"] == 1
+    assert (found.found, found.start["b"]) == (True, 1)
 
 
 def test_the_subformula_that_failed() -> None:

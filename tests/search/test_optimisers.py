@@ -56,10 +56,6 @@ def test_what_a_search_raises_is_raised_here_and_ends_the_others() -> None:
     assert threading.active_count() == before
 
 
-def test_no_search_asks_nothing() -> None:
-    side_by_side([], lambda points: points)
-
-
 @pytest.mark.parametrize(("size", "count"), [(1, 32), (2, 6**2), (3, 3**3), (5, 2**5), (12, 1)])
 def test_parts_tile_the_cube_and_are_about_32(size: int, count: int) -> None:
     objective: Any = SimpleNamespace(box=SimpleNamespace(size=size))

@@ -14,7 +14,7 @@ from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.errors import UsageError
 from stlbench.records.array_files import read_saved
 from stlbench.report.figures.margins import place_of
-from stlbench.search.actor import Actor, Seeds, of_controller, of_policy, space_of
+from stlbench.search.actor import Actor, Seeds, of_policy, space_of
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import write
@@ -131,11 +131,6 @@ def test_the_seeds_are_new(pushed: Actor) -> None:
     sets = pushed.task.starts
     others = [*sets.report_and_selection(), sets.at_random(500), sets.of_training(generator, 500)]
     assert not drawn & set(np.concatenate(others)[:, 0].tolist())
-
-
-def test_no_controller_by_hand(pushed: Actor) -> None:
-    with pytest.raises(UsageError, match="no controller by hand"):
-        of_controller(pushed.task)
 
 
 def test_of_a_system_many_more_are_simulated_at_a_time(pushed: Actor) -> None:

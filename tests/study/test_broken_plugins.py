@@ -36,14 +36,8 @@ class One(Agent):
         training.report({reported}, {steps})
         return Still()
 """
-RIGHT = {
-    "acted": "np.zeros(len(observation), int)",
-    "arrays": "None",
-    "count": 2,
-    "action": "np.zeros(2, int)",
-    "reported": "Still()",
-    "steps": 2,
-}
+RIGHT = {"acted": "np.zeros(len(observation), int)", "arrays": "None", "count": 2, "action": "np.zeros(2, int)"}
+RIGHT |= {"reported": "Still()", "steps": 2}
 ALONG = "def along(self, samples, action, t, memory): return {}"
 TWO = ALONG.format("0, 0") + "\n    memory_size = 2\n    "
 SHAPE = "the shape of its {} is {}, the contract says {}"

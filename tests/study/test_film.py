@@ -98,10 +98,8 @@ def test_a_trace_that_leaves_the_picture_is_said_to():
     traces = np.full((3, 201, 2), 2.0)
     traces[2, 100:, 0] = 5  # of the worst start; the range of x is [0, 4]
     figure = film.scene(load_task("hold-disc"), Recording(traces, 1), ROBUSTNESS).figure
-    assert [axes.get_title() for axes in figure.axes] == [
-        "best start: robustness 2",
-        "worst start: robustness -1.25, leaves the picture",
-    ]
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles == ["best start: robustness 2", "worst start: robustness -1.25, leaves the picture"]
 
 
 def test_pictures_of_an_environment_are_shown_as_they_come():
@@ -148,11 +146,8 @@ def test_a_film_moves_what_moves_keeps_what_stands_still_and_holds_the_end(monke
 
 def test_a_film_has_the_ranges_of_the_task_file_and_names_every_part_of_the_formula():
     plane = {name: {"low": 0, "high": 5, "unit": "m"} for name in "xy"}
-    moved = task(
-        signals=plane,
-        plane=["x", "y"],
-        formula="F[0,4] (G[0,4] norm(x - 4, y - 4) <= 0.5 | G[0,4] norm(x - 4, y) <= 1)",
-    )
+    formula = "F[0,4] (G[0,4] norm(x - 4, y - 4) <= 0.5 | G[0,4] norm(x - 4, y) <= 1)"
+    moved = task(signals=plane, plane=["x", "y"], formula=formula)
     still = Recording(np.full((1, 9, 2), 2.0), seeds=1)
     figure = film.scene(moved, still, (-1.0,)).figure
     (axes,) = figure.axes

@@ -91,18 +91,10 @@ def keys(**words):
 @pytest.mark.usefixtures("lab")
 def test_the_first_seed_of_everything_comes_first():
     cells = plan(tasks="zz-line,zz-long", methods="zz-pay[beta=2],zz-more")
-    assert [cell.id.name for cell in cells] == [
-        "zz-line/zz-pay[beta=2]/zz-agent/0",
-        "zz-line/zz-more/zz-agent/0",
-        "zz-long/zz-pay[beta=2]/zz-agent/0",
-        "zz-long/zz-more/zz-agent/0",
-        "zz-line/zz-pay[beta=2]/zz-agent/1",
-        "zz-line/zz-more/zz-agent/1",
-        "zz-long/zz-pay[beta=2]/zz-agent/1",
-        "zz-long/zz-more/zz-agent/1",
-        "zz-long/zz-pay[beta=2]/zz-agent/2",  # the budget of zz-long has three seeds
-        "zz-long/zz-more/zz-agent/2",
-    ]
+    pairs = [f"{task}/{method}/zz-agent" for task in ("zz-line", "zz-long") for method in ("zz-pay[beta=2]", "zz-more")]
+    names = [f"{pair}/{seed}" for seed in (0, 1) for pair in pairs]
+    names += [f"{pair}/2" for pair in pairs[2:]]  # the budget of zz-long has three seeds
+    assert [cell.id.name for cell in cells] == names
     assert len({cell.key for cell in cells}) == len(cells)
 
 
@@ -115,13 +107,8 @@ def test_planning_imports_no_method_and_no_agent():
 @pytest.mark.usefixtures("lab")
 def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
     """More seeds keep the keys of the first, and repetitions are planned once."""
-    apart = [
-        {},
-        {"methods": "zz-pay[beta=2]"},
-        {"agents": "zz-agent[rate=0.2]"},
-        {"budget": "paper"},
-        {"tasks": "zz-long"},
-    ]
+    apart = [{}, {"methods": "zz-pay[beta=2]"}, {"agents": "zz-agent[rate=0.2]"}, {"budget": "paper"}]
+    apart += [{"tasks": "zz-long"}]
     assert len({keys(seeds=[0], **words)[0] for words in apart}) == len(apart)
     assert keys(agents="zz-agent[rate=0.2]") == keys(agents=" zz-agent[ rate=0.2 ]")
     assert keys(seeds=range(4))[:2] == keys(seeds=range(2)) == keys()

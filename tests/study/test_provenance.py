@@ -23,9 +23,7 @@ def test_names_versions_jobs_and_the_time():
 
 
 def test_imports_none_of_the_packages_it_names():
-    code = (
-        "import sys; from stlbench.study.provenance import collect; "
-        "collect(1); print({'torch', 'numpy'} & set(sys.modules))"
-    )
+    code = "import sys; from stlbench.study.provenance import collect; collect(1); "
+    code += "print({'torch', 'numpy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"

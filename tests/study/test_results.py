@@ -7,7 +7,6 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,13 +44,8 @@ def test_one_row_per_cell(results):
     assert list(table.columns[:8]) == ["task", "method", "agent", "seed", "budget", "track", "status", "reason"]
     assert table["status"].tolist() == ["raised", "done", "intractable"]
     done = table[table["status"] == "done"].iloc[0]
-    assert (done["method"], done["seed"], done["training_cpu_seconds"], done["env_steps"]) == (
-        "funnel[ginf=0.02]",
-        0,
-        10.0,
-        2000,
-    )
-    assert done["jobs"] == "2"
+    assert (done["method"], done["seed"], done["jobs"]) == ("funnel[ginf=0.02]", 0, "2")
+    assert (done["training_cpu_seconds"], done["env_steps"]) == (10.0, 2000)
     assert table["env_steps"].isna().tolist() == [True, False, True]
 
 
@@ -211,15 +205,6 @@ def test_what_an_import_does_not_load(statement, heavy):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "stlbench" in done.stdout.split()
     assert not heavy & set(done.stdout.split())
-
-
-def test_the_committed_reference_loads():
-    folder = Path(__file__).parents[2] / "results/reference"
-    if stored.locate(folder) is None:
-        pytest.skip("results/reference has no results yet")
-    robustness = Results.load(folder).robustness()
-    tasks = robustness[robustness["protocol"] == "formula"]["task"].str.partition("[")[0]
-    assert tasks.nunique() == 12
 
 
 def test_comparisons_are_those_of_the_report(tmp_path):

@@ -94,10 +94,7 @@ NOT_PLANNED = "nothing can be planned on it: "
         ({"settings": "without=exploring"}, "overlap[without=exploring]: the task is without exploring as it is"),
         ({"settings": "gama=1"}, "planner[gama=1]: no parameter 'gama'; did you mean 'gamma'?"),
         ({"settings": "gamma=x"}, "planner[gamma=x]: gamma should be a number, got 'x'"),
-        (
-            {"task": "overlap[without=cuts]"},
-            "overlap[without=cuts]: name the task alone, and give without=... as a setting",
-        ),
+        ({"task": "overlap[without=cuts]"}, "overlap[without=cuts]: name the task alone, and give without=... as a"),
         ({"task": "lunar-lander"}, f"task lunar-lander: {NOT_PLANNED}a plan sets the state"),
         ({"task": "dwell"}, f"task dwell: {NOT_PLANNED}a state of 5 dimensions; a grid has at most 4"),
     ],

@@ -130,6 +130,7 @@ def test_a_file_that_is_no_study(tmp_path, text, message):
 
 NOT_THERE = "cannot read the study {}: No such file or directory"
 LIST = "several stand in a list with commas, without spaces"
+NAME = "a name consists of a-z, 0-9 and -"
 NO_FILE = f"{NOT_THERE}; a study is a YAML file; did you mean `{{}}`? {LIST}"
 
 
@@ -141,11 +142,7 @@ NO_FILE = f"{NOT_THERE}; a study is a YAML file; did you mean `{{}}`? {LIST}"
         ({}, "funnel[ginf=0.1]", NO_FILE.format("funnel[ginf=0.1]", "--methods funnel[ginf=0.1]")),
         ({}, None, "tasks must be given; methods must be given"),
         # as Python reads bytes that are no UTF-8 from the command line
-        (
-            {"tasks": "\udcff", "methods": "raw"},
-            None,
-            "'\\udcff': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp",
-        ),
+        ({"tasks": "\udcff", "methods": "raw"}, None, f"'\\udcff': {NAME}, as in funnel or tau-mdp"),
     ],
 )
 def test_what_is_no_study_at_all(words: dict[str, str], file: str | None, said: str) -> None:

@@ -80,11 +80,7 @@ def test_what_a_recipe_says_is_in_the_key_of_its_own_cells_alone(recipes) -> Non
     [
         (FILE, (Choice("funnel"),), r"recipes\.yaml has no recipe for funnel on robot-nav with dqn"),
         (FILE.replace("gamma: 0.98", "gama: 0.98"), (RAW, FLAG), "no parameter 'gama'; did you mean 'gamma'"),
-        (
-            FILE.replace("hold: 20", "hold: 21"),
-            (RAW,),
-            "recipe for robot-nav: steps 2000 is no multiple of hold = 21",
-        ),
+        (FILE.replace("hold: 20", "hold: 21"), (RAW,), "recipe for robot-nav: steps 2000 is no multiple of hold = 21"),
     ],
 )
 def test_a_recipe_that_does_not_fit_is_refused_before_anything_runs(recipes, text, methods, message) -> None:
@@ -111,11 +107,6 @@ def test_tuned_alone_needs_recipes_and_has_them(recipes, track) -> None:
 def test_wrong_files_are_refused_with_the_place(recipes, text, message) -> None:
     with pytest.raises(UsageError, match=message):
         recipes(text)
-
-
-def test_a_file_that_is_not_there(tmp_path) -> None:
-    with pytest.raises(UsageError, match="cannot read the recipes"):
-        read_recipes(tmp_path / "none.yaml")
 
 
 @pytest.mark.parametrize(

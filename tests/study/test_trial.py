@@ -144,11 +144,8 @@ class TestFindings:
 
     def test_intractable(self, tmp_path: Path) -> None:
         found = trial.run_cell(smoke("tau-mdp", "robot-nav"), tmp_path)
-        assert (found.status, found.reason, found.measurement) == (
-            "intractable",
-            "needs 4002 inputs: a replay of 1.96 GiB (limit 4), updates 16 times as long (limit 10)",
-            None,
-        )
+        said = "needs 4002 inputs: a replay of 1.96 GiB (limit 4), updates 16 times as long (limit 10)"
+        assert (found.status, found.reason, found.measurement) == ("intractable", said, None)
         assert list(tmp_path.iterdir()) == []
 
     def test_unsuitable(self) -> None:

@@ -35,10 +35,7 @@ def test_nested_conjunctions_are_flattened() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "x >= 0     U[0,3] y >= 1",
-            r"until at column 12 is not in the funnel fragment: allowed is a conjunction of F",
-        ),
+        ("x >= 0     U[0,3] y >= 1", "until at column 12 is not in the funnel fragment: allowed is a conjunction of F"),
         ("F[0,3] (x >= 0 U[0,3] y >= 1)", "until at column 16 .*allowed is"),
         ("F[0,3] x >= 0 | G[0,3] y >= 1", "disjunction of temporal formulas at column 15 .*may stand inside psi"),
         ("F[0,3] x >= 0 -> G[0,3] y >= 1", "implication of temporal formulas at column 15"),

@@ -80,18 +80,15 @@ def test_what_is_accepted_works_everywhere(text: str) -> None:
     ],
 )
 def test_deep_nesting_is_a_syntax_error(text: str) -> None:
-    with pytest.raises(
-        stl.StlSyntaxError, match=f"at most {MAX_DEPTH} levels of nesting|at most 100,000 parts"
-    ) as caught:
+    said = f"at most {MAX_DEPTH} levels of nesting|at most 100,000 parts"
+    with pytest.raises(stl.StlSyntaxError, match=said) as caught:
         stl.parse(text)
     assert max(map(len, str(caught.value).splitlines())) < 140
 
 
 def test_short_text_that_means_much_is_a_syntax_error() -> None:
     text = "(x >= 0 <-> " * 20 + "x >= 0" + ")" * 20
-    with pytest.raises(
-        stl.StlSyntaxError, match=r"at most 100,000 parts \('<->', 'xor' and 'W' repeat their operands\)"
-    ):
+    with pytest.raises(stl.StlSyntaxError, match=r"at most 100,000 parts \('<->', 'xor' and 'W' repeat their op"):
         stl.parse(text)
 
 
@@ -152,6 +149,3 @@ def test_messages_quote_a_line_at_most(call: Any) -> None:
     with pytest.raises((ValueError, TypeError)) as caught:
         call()
     assert max(map(len, str(caught.value).splitlines())) < 500
-    assert isinstance(
-        caught.value, stl.StlSyntaxError | stl.FragmentError | stl.UnknownSignalError | ValueError | TypeError
-    )

@@ -78,9 +78,8 @@ def test_seconds_become_steps() -> None:
     assert stl.parse("F[0.3,2] x >= 1", dt=0.1) == stl.parse("F[3,20] x >= 1")
     assert stl.parse("F[0.3,2] x >= 1", dt=np.float64(0.1)) == stl.parse("F[3,20] x >= 1")
     assert stl.parse("G[4, 7] x >= 1", dt=0.01) == stl.parse("G[400,700] x >= 1")
-    with pytest.raises(
-        stl.StlSyntaxError, match=r"whole number of steps of dt=0.1 seconds but found 1.25 seconds = 12.5 steps"
-    ):
+    said = "whole number of steps of dt=0.1 seconds but found 1.25 seconds = 12.5 steps"
+    with pytest.raises(stl.StlSyntaxError, match=said):
         stl.parse("G[0.5,1.25] x >= 1", dt=0.1)
     with pytest.raises(ValueError, match="dt"):
         stl.parse("G[0,1] x >= 1", dt=0.0)

@@ -93,6 +93,8 @@ def test_masked_samples_in_a_list_are_refused() -> None:
     update = stl.Monitor(formula, ["x", "y"]).update
     for use in (
         lambda: stl.robustness(formula, [sample], ["x", "y"]),
+        lambda: stl.robustness(formula, sample[None], ["x", "y"]),
+        lambda: stl.BatchMonitor(formula, ["x", "y"], 1).update(sample[None]),
         lambda: update(sample),
         lambda: update([*sample]),
     ):

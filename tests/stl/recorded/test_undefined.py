@@ -23,6 +23,11 @@ def watched(monitor: Any, samples: Iterable[Any]) -> None:
         monitor.update(sample)
 
 
+def head(formula: stl.Formula, trace: Floats) -> Floats:
+    """What the formula reads for t = 0, as a batch."""
+    return trace[None, : 1 + stl.horizon(formula)]
+
+
 #: evaluators that answer for t = 0 alone, and those that answer for every t
 FIRST: dict[str, Callable[[stl.Formula, Floats, list[str]], Any]] = {
     "robustness": stl.robustness,
@@ -32,12 +37,8 @@ FIRST: dict[str, Callable[[stl.Formula, Floats, list[str]], Any]] = {
     "satisfaction_bounds": stl.satisfaction_bounds,
     "monitor": lambda formula, trace, names: watched(stl.Monitor(formula, names), trace.tolist()),
     "batch": lambda formula, trace, names: watched(stl.BatchMonitor(formula, names, 1), trace[:, None]),
-    "compiled robustness": lambda formula, trace, names: stl.margin_trace(formula, names)(
-        trace[None, : 1 + stl.horizon(formula)]
-    ),
-    "compiled verdict": lambda formula, trace, names: stl.holds_trace(formula, names)(
-        trace[None, : 1 + stl.horizon(formula)]
-    ),
+    "compiled robustness": lambda formula, trace, names: stl.margin_trace(formula, names)(head(formula, trace)),
+    "compiled verdict": lambda formula, trace, names: stl.holds_trace(formula, names)(head(formula, trace)),
 }
 ALL: dict[str, Callable[[stl.Formula, Floats, list[str]], Any]] = {
     "robustness": stl.robustness_trace,

@@ -88,52 +88,25 @@ def test_general_formulas_keep_at_most_the_horizon() -> None:
 
 
 NESTED = [
-    "G[0,30] (x >= 0 -> F[0,4] y >= 0)",
-    "G (x >= 0 -> F[1,4] y >= 0)",
-    "F[2,30] (x >= 1 & (y >= 0 U[0,3] x >= 2))",
-    "(F[0,2] x >= 0) U[0,25] (G[0,3] y >= 0)",
-    "(F[0,2] x >= 0) U[6,25] (G[0,3] y >= 0)",
-    "(x >= 0 R[0,2] y >= 0) R (F[0,3] x >= 1)",
-    "F[0,20] G[0,4] F[0,5] x >= 1",
-    "G (x >= 0 -> G y >= -2)",
-    "F (x >= 1 & F (y >= 1 & F x <= 0))",
-    "G (x >= 1 -> y >= 0 U x >= 2)",
-    "F (x >= 1 & (y >= 0 R x >= -1))",
-    "G (x >= 1 -> F y >= 1)",
-    "G[0,20] (x >= 0 -> O[0,5] y >= 0)",
-    "G (x >= 0 -> O y >= 0)",
-    "G (x >= 0 -> (y >= 0 S x <= 0))",
-    "F[3,20] (H[1,4] x >= 0 | (O[0,2] F[0,3] y >= 2))",
+    *("G[0,30] (x >= 0 -> F[0,4] y >= 0)", "G (x >= 0 -> F[1,4] y >= 0)", "F[2,30] (x >= 1 & (y >= 0 U[0,3] x >= 2))"),
+    *("(F[0,2] x >= 0) U[0,25] (G[0,3] y >= 0)", "(F[0,2] x >= 0) U[6,25] (G[0,3] y >= 0)"),
+    *("(x >= 0 R[0,2] y >= 0) R (F[0,3] x >= 1)", "F[0,20] G[0,4] F[0,5] x >= 1", "G (x >= 0 -> G y >= -2)"),
+    *("F (x >= 1 & F (y >= 1 & F x <= 0))", "G (x >= 1 -> y >= 0 U x >= 2)", "F (x >= 1 & (y >= 0 R x >= -1))"),
+    *("G (x >= 1 -> F y >= 1)", "G (x >= 0 -> (y >= 0 S x <= 0))", "F[3,20] (H[1,4] x >= 0 | (O[0,2] F[0,3] y >= 2))"),
     "G[0,15] (H (x >= -2 | O[2,3] y >= 0) | F[0,2] (x >= 0 S[1,3] y >= 1))",
-    "H[0,3] x >= 0 & O F[0,3] y >= 0",
-    "F (F[0,2] x >= 2 & F[1,3] y >= 2)",
+    *("H[0,3] x >= 0 & O F[0,3] y >= 0", "F (F[0,2] x >= 2 & F[1,3] y >= 2)"),
 ]
 #: what is decided in one pass, by each rule of `pulling`
 STREAMED = [
-    "G (x >= 0 -> F[0,4] y >= 0)",
-    "G (x >= 0 -> F[2,4] (y >= 0 | x >= 1))",
-    "G F[0,6] G[0,3] x >= 0",
-    "G F[1,3] G[2,6] x >= 0",
-    "F G[2,9] F[1,3] x >= 1",
-    "G F G x >= 0",
-    "G (x >= 0 -> F (y >= 0 & O[0,3] x <= 1))",
-    "G (x >= 0 -> x >= 0 U y >= 0)",
-    "G (x >= 1 -> y >= 0 U[0,4] x <= -1)",
-    "G (x >= 0 -> !(y >= 0 U[0,4] z >= 1))",
-    "F (x >= 1 & (y >= 0 R[0,3] z >= -1))",
-    "G (x >= 0 -> O y >= 0)",
-    "G[2,9] (x >= 0 -> O (y >= 0 & H x >= -1))",
-    "G (x >= 0 -> O[2,5] y >= 0)",
-    "G[0,20] (x >= 0 -> O[0,5] y >= 0)",
+    *("G (x >= 0 -> F[0,4] y >= 0)", "G (x >= 0 -> F[2,4] (y >= 0 | x >= 1))", "G F[0,6] G[0,3] x >= 0"),
+    *("G F[1,3] G[2,6] x >= 0", "F G[2,9] F[1,3] x >= 1", "G F G x >= 0", "G (x >= 0 -> F (y >= 0 & O[0,3] x <= 1))"),
+    *("G (x >= 0 -> x >= 0 U y >= 0)", "G (x >= 1 -> y >= 0 U[0,4] x <= -1)", "G (x >= 0 -> !(y >= 0 U[0,4] z >= 1))"),
+    *("F (x >= 1 & (y >= 0 R[0,3] z >= -1))", "G (x >= 0 -> O y >= 0)", "G[2,9] (x >= 0 -> O (y >= 0 & H x >= -1))"),
+    *("G (x >= 0 -> O[2,5] y >= 0)", "G[0,20] (x >= 0 -> O[0,5] y >= 0)", "G (x >= 0 -> H[0,3] y >= -1)"),
     "G[3,30] (x >= 0 & O[0,2] z >= 0 -> O[0,40] y >= 0 | H[0,4] y <= 1 & (x >= -2 S[0,3] z >= 1))",
-    "G (x >= 0 -> H[0,3] y >= -1)",
-    "G (x >= 0 S y >= 0)",
-    "G !(x >= 0 S[0,4] y >= 0)",
-    "G (z >= 2 -> (x >= 0 S[0,4] y >= 0))",
-    "F (x >= 0 & F y >= 0 & F z >= 0)",
-    "F (x >= 1 & F y >= 1 & F z >= 1 & F (x <= -1 & O y <= 0))",
-    "F (x >= 2 & F[2,5] y >= 1)",
-    "G (x >= 0 -> (F[0,3] y >= 0 & F[0,6] z >= 0))",
+    *("G (x >= 0 S y >= 0)", "G !(x >= 0 S[0,4] y >= 0)", "G (z >= 2 -> (x >= 0 S[0,4] y >= 0))"),
+    *("F (x >= 0 & F y >= 0 & F z >= 0)", "F (x >= 1 & F y >= 1 & F z >= 1 & F (x <= -1 & O y <= 0))"),
+    *("F (x >= 2 & F[2,5] y >= 1)", "G (x >= 0 -> (F[0,3] y >= 0 & F[0,6] z >= 0))"),
     "G (sqrt(x + 3) >= 1 -> F[1,3] sqrt(y + 3) >= 1)",
 ]
 
@@ -198,14 +171,7 @@ def test_what_overflows_on_the_way_counts_as_in_arrays() -> None:
 
 def test_samples_of_any_kind_are_read_alike() -> None:
     formula = stl.parse("x >= y")
-    samples = [
-        [3, 1],
-        (3.0, 1.0),
-        np.array([3, 1]),
-        np.array([3, 1], dtype=np.float32),
-        (np.float64(3), 1.0),
-    ]
-    for sample in samples:
+    for sample in ([3, 1], (3.0, 1.0), np.array([3, 1]), np.array([3, 1], dtype=np.float32), (np.float64(3), 1.0)):
         assert stl.Monitor(formula, ["x", "y"]).update(sample) == stl.Interval(2.0, 2.0, True)
     assert stl.Monitor(formula, ["x", "y"]).update([math.inf, -math.inf]) == stl.Interval(math.inf, math.inf, True)
 
@@ -234,12 +200,7 @@ def test_infinite_and_tiny_samples(sample: list[float]) -> None:
 
 
 def test_a_nan_inside_a_minimum_is_an_error_as_in_arrays() -> None:
-    for text in (
-        "min(0, x - y) <= 1",
-        "min(x - y, 0) <= 1",
-        "max(x - y, 0) <= 1",
-        "max(0, x - y) <= 1",
-        "x - y >= 0 | True & x >= 0",
-    ):
+    least = [f"{name}({args}) <= 1" for name in ("min", "max") for args in ("0, x - y", "x - y, 0")]
+    for text in (*least, "x - y >= 0 | True & x >= 0"):
         with pytest.raises(stl.UndefinedError, match="has no value"):
             stl.Monitor(stl.parse(text), ["x", "y"]).update([math.inf, math.inf])

@@ -89,9 +89,8 @@ def test_the_source_grows_with_the_operators_and_not_with_their_square() -> None
 
 def test_conjuncts_of_one_interval_are_one_operator() -> None:
     def same(count: int) -> stl.Formula:
-        return stl.parse(
-            " & ".join(f"G[{i % 3},9] x >= {i} & (F[1,4] x >= {i} | F[1,4] y >= {i} | z >= 1)" for i in range(count))
-        )
+        each = "G[{0},9] x >= {1} & (F[1,4] x >= {1} | F[1,4] y >= {1} | z >= 1)"
+        return stl.parse(" & ".join(each.format(i % 3, i) for i in range(count)))
 
     trace = [tuple(row) for row in (4 * np.random.default_rng(0).standard_normal((12, 3))).tolist()]
     check(same(30), trace)
@@ -121,13 +120,9 @@ def test_every_word_of_the_source_is_one_of_ours(formula: stl.Formula) -> None:
 def test_hostile_names_are_signals_like_others(name: str) -> None:
     signal = stl.Signal("harmless")
     object.__setattr__(signal, "name", name)  # the checks of names are gone around
-    formula = stl.And(
-        (
-            stl.Always(0, 3, stl.Predicate(">=", signal, stl.Signal("b"))),
-            stl.Until(0, 2, stl.parse("b >= 0"), stl.parse("b >= 1")),
-        )
-    )
-    plain = stl.And((stl.Always(0, 3, stl.Predicate(">=", stl.Signal("a"), stl.Signal("b"))), formula.args[1]))
+    until = stl.parse("b >= 0 U[0,2] b >= 1")
+    formula = stl.And((stl.Always(0, 3, stl.Predicate(">=", signal, stl.Signal("b"))), until))
+    plain = stl.And((stl.parse("G[0,3] a >= b"), until))
     assert written(formula, (name, "b")) == written(plain, ("a", "b"))
 
 

@@ -66,17 +66,6 @@ def test_so_do_samples_of_another_shape_or_kind(bad: Any) -> None:
     assert monitor.update([4.0, 3.0]).upper == 2.0
 
 
-def test_masked_arrays_are_named() -> None:
-    masked = np.ma.masked_array([[1.0, 2.0]], [[False, True]])
-    for call in (
-        lambda: stl.Monitor(HALF, ["x", "y"]).update(masked[0]),
-        lambda: stl.BatchMonitor(HALF, ["x", "y"], 1).update(masked),
-        lambda: stl.robustness(HALF, masked, ["x", "y"]),
-    ):
-        with pytest.raises(TypeError, match="a masked array has samples without a value"):
-            call()
-
-
 class TestRestart:
     def monitor(self) -> stl.BatchMonitor:
         monitor = stl.BatchMonitor(stl.parse("G[0,2] x >= 0"), ["x"], 3)
