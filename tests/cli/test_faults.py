@@ -116,13 +116,18 @@ def bad(site, toy):
     return site("bad-plugins", ENTRIES, {f"bad_plugins/{name}.py": text for name, text in files.items()})
 
 
+def endings():
+    """Method -> how its cell ended, and why."""
+    with sqlite3.connect("results/ledger.sqlite") as ledger:
+        return {name: row for name, *row in ledger.execute("SELECT method, status, reason FROM cells")}
+
+
 def test_texts_that_nothing_can_show_are_rows_and_the_next_run_goes_on(bad, say):
     words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", 1)
     words += ("--methods", ",".join(f"bad-{name}" for name in SAID) + ",toy-raw")
     done = say(*words)
     assert done.exit_code == 1
-    with sqlite3.connect("results/ledger.sqlite") as ledger:
-        rows = {name: row for name, *row in ledger.execute("SELECT method, status, reason FROM cells")}
+    rows = endings()
     assert rows.pop("toy-raw") == ["done", ""]
     for name, (status, reason) in SAID.items():
         assert rows[f"bad-{name}"][0] == status
@@ -162,8 +167,7 @@ def test_a_method_that_changes_the_referee_has_no_score(site, toy, tmp_path, mon
     command = [sys.executable, "-c", "from stlbench.cli import main; main()", *words]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1, done.stderr
-    with sqlite3.connect("results/ledger.sqlite") as ledger:
-        rows = {name: row for name, *row in ledger.execute("SELECT method, status, reason FROM cells")}
+    rows = endings()
     assert rows["bad-judge"][0] == "raised"
     said = "it says robustness 99, satisfied 100 %; by the recorded traces and the formula of toy-line it is "
     assert rows["bad-judge"][1].startswith(f"its result is not credible: {said}")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from helpers import ledgers
 from helpers.bundles import changed
 from helpers.refusals import refused
 from helpers.synthetic_results import result
@@ -33,9 +33,7 @@ def say(*words):
 
 
 def damage(folder):
-    with sqlite3.connect(folder / FILE) as database:
-        database.execute("UPDATE cells SET result = '{}' WHERE seed = 1")
-    database.close()
+    ledgers.say(folder / FILE, "UPDATE cells SET result = '{}' WHERE seed = 1")
 
 
 def test_damage_is_named_and_repaired(folder):

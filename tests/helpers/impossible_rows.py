@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from helpers.ledgers import say
 from helpers.synthetic_results import plan, result
 from stlbench.records.identity import IDENTITY
 from stlbench.records.ledger import FILE
@@ -128,8 +127,7 @@ def insert(folder: Path, row: Any, like: Any) -> None:
     columns |= {"reason": "", "recorded_at": "", "result": text, "checksum": checksum_of(text), "files": "{}"}
     columns |= {"failures": 0, "again": 0}
     names, marks = ", ".join(columns), ", ".join("?" * len(columns))
-    with closing(sqlite3.connect(folder / FILE)) as database, database:
-        database.execute(f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", tuple(columns.values()))
+    say(folder / FILE, f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", values=tuple(columns.values()))
 
 
 def _column(row: Any, like: Any, name: str) -> Any:

@@ -12,7 +12,6 @@ from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
-from stlbench.testing import check_method
 from stlbench_methods.bhnr import Bhnr
 from stlbench_methods.causation import Causation
 from stlbench_methods.counters import Counters
@@ -169,30 +168,3 @@ def test_what_is_paid_while_an_action_is_held() -> None:
     rewards, flag = latch.along(-x, nothing, zero, latch.initial_memory(-x[0], zero))
     assert rewards[:, 0] == pytest.approx([0, np.exp(-2.0), 1, 0, 0])
     assert flag.tolist() == [[1]]
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        *[
-            "raw",
-            "funnel",
-            "flag",
-            "tau-mdp",
-            "tau-mdp[form=probability]",
-            "tltl",
-            "tltl[semantics=gmsr]",
-            "tltl[semantics=gilpin]",
-        ],
-        *[
-            "bhnr",
-            "bhnr[semantics=gilpin]",
-            "bhnr[mode=block,semantics=lse]",
-            "bhnr[semantics=filtering-sum]",
-            "causation",
-        ],
-        *["dense", "dense[semantics=gilpin]", "dense[mode=difference]", "sparse", "sparse[pays=failure]"],
-    ],
-)
-def test_the_contract_is_kept(name: str) -> None:
-    check_method(name)

@@ -75,10 +75,8 @@ class TestByHand:
     def test_an_until(self) -> None:
         """The guard held until 1, so the goal counts at 2 but not at 3: it has failed at 2."""
         method = Counters(specification("x >= 0 U[0,4] y >= 0", XY))
-        trace = np.array(
-            [[[1, -1], [1, -1], [-1, -1], [-1, 1], [-1, -1]], [[1, -1], [1, -1], [-1, 1], [-1, -1], [-1, -1]]]
-        )
-        _, counts = run(method, trace)
+        late, soon = [[1, -1], [1, -1], [-1, -1], [-1, 1], [-1, -1]], [[1, -1], [1, -1], [-1, 1], [-1, -1], [-1, -1]]
+        _, counts = run(method, np.array([late, soon]))
         assert counts[0].tolist() == [[1, 0], [1, 0], [0, FAILED], [0, FAILED], [0, FAILED]]
         assert counts[1].tolist() == [[1, 0], [1, 0], [0, DONE], [0, DONE], [0, DONE]]
 

@@ -16,6 +16,7 @@ from stlbench_methods.flag import Flag
 
 BOX = {"x": (-1.0, 1.0), "y": (-1.0, 1.0)}
 P, Q = "x >= 0", "y >= 0"
+SOURCE = "its source has windows in F or G[0,T]"
 Truth = NDArray[np.bool_]
 
 
@@ -37,10 +38,8 @@ class TestWindows:
 
     def test_the_flag_counts_the_first_sample(self) -> None:
         method = Flag(specification(f"G[0,4] (F[0,2] {P} & G[0,3] {P})", BOX))
-        assert method.initial_memory(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
-            [3, 1],
-            [0, 0],
-        ]
+        begun = method.initial_memory(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.int64))
+        assert begun.tolist() == [[3, 1], [0, 0]]
 
     def test_the_nested_form_of_a_task_is_read(self) -> None:
         """G[0,4] G[0,2] p: reward -exp(-beta) from the third p in a row, beta = 50; else -1."""
@@ -124,10 +123,8 @@ class TestAbsoluteIntervals:
 
     def test_the_first_sample_counts_where_an_interval_includes_it(self) -> None:
         method = Flag(specification(f"F[0,2] {P} & G[0,2] {Q}", BOX))
-        assert method.initial_memory(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
-            [1, 1],
-            [0, 0],
-        ]
+        begun = method.initial_memory(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.zeros(2, dtype=np.int64))
+        assert begun.tolist() == [[1, 1], [0, 0]]
 
 
 @pytest.mark.parametrize(
@@ -138,18 +135,14 @@ def test_a_formula_of_neither_form_is_unsuitable(formula: str) -> None:
         Flag(specification(formula, BOX))
 
 
-def test_describe_says_which_form_was_taken() -> None:
-    assert Flag(specification(f"G[0,4] G[0,2] {P}", BOX)).describe() == {
-        "form": "outer operator over windows",
-        "flags": [3],
-    }
-    assert Flag(specification(f"F[1,3] G[1,2] {P}", BOX)).describe() == {
-        "form": "absolute intervals (extension)",
-        "flags": [1, 2],
-    }
-
-
-def test_a_task_outside_the_sources_form_is_marked() -> None:
-    assert Flag(specification(f"G[0,4] G[0,2] {P}", BOX)).extension == ""
-    outside = Flag(specification(f"F[1,3] G[1,2] {P}", BOX))
-    assert outside.extension == "absolute intervals; its source has windows in F or G[0,T]"
+@pytest.mark.parametrize(
+    ("formula", "form", "flags", "extension"),
+    [
+        ("G[0,4] G[0,2]", "outer operator over windows", [3], ""),
+        ("F[1,3] G[1,2]", "absolute intervals (extension)", [1, 2], f"absolute intervals; {SOURCE}"),
+    ],
+)
+def test_it_says_which_form_was_taken(formula: str, form: str, flags: list[int], extension: str) -> None:
+    method = Flag(specification(f"{formula} {P}", BOX))
+    assert method.describe() == {"form": form, "flags": flags}
+    assert method.extension == extension

@@ -23,13 +23,13 @@ NEAR = 1e-5
 
 SEQUENCE = "F[4,8] x >= 1 & G[12,20] abs(x) <= 1"
 BOX = {"x": (-2.0, 2.0)}
+Shape = Literal["linear", "clipped", "normalised"]
 
 
 def paid(method: Funnel, x: float, t: int) -> float:
     """r'(x, t): the reward of arriving at x at step t."""
-    reward, _ = one_step(
-        method, np.array([[0.0]]), np.zeros((1, 1)), np.array([[x]]), np.array([t - 1]), np.zeros((1, 0))
-    )
+    zero = np.zeros((1, 1))
+    reward, _ = one_step(method, zero, zero, np.array([[x]]), np.array([t - 1]), np.zeros((1, 0)))
     return float(reward[0])
 
 
@@ -142,9 +142,8 @@ class TestAlwaysFromTheStart:
         assert method.curves[0].t_star == 100
 
     def test_code_leaves_other_intervals_alone(self) -> None:
-        assert (
-            Funnel(specification(SEQUENCE, BOX), variant="code").curves == Funnel(specification(SEQUENCE, BOX)).curves
-        )
+        spec = specification(SEQUENCE, BOX)
+        assert Funnel(spec, variant="code").curves == Funnel(spec).curves
 
     def test_nothing_is_paid_after_it(self) -> None:
         assert paid(Funnel(self.spec), -2.0, 11) == 0
@@ -172,19 +171,13 @@ class TestOneSample:
     @pytest.mark.parametrize("shape", ["linear", "clipped", "normalised"])
     @pytest.mark.parametrize("formula", ["G[0,0] x >= 0", "F[0,0] x >= 0", "F[0,0] G[0,0] x >= 0 & F[0,0] x >= 1"])
     def test_that_of_sample_0_is_paid_nothing_and_divides_by_nothing(
-        self,
-        formula: str,
-        shape: Literal["linear", "clipped", "normalised"],
-        variant: Literal["paper", "code"],
+        self, formula: str, shape: Shape, variant: Literal["paper", "code"]
     ) -> None:
         method = Funnel(specification(formula, BOX, steps=3), shape=shape, variant=variant)
         rewards, _ = run(method, np.array([-2.0, 0.0, 1.0, 2.0]))
         assert rewards[0, 1:].tolist() == [0, 0, 0]
         assert method.floor == 0
         assert math.isfinite(method.scale)
-
-
-PENDULUM = "G[400,700] ({0}1) & G[1000,1200] ({0}2) & G[1700,2000] ({0}3)"
 
 
 @pytest.mark.parametrize(("ginf", "printed"), [(1e-9, [0.0103, 0.0138, 0.0083]), (0.01, [0.0109, 0.0145, 0.0087])])
@@ -196,9 +189,7 @@ def test_the_rates_printed_for_the_pendulum(ginf: float, printed: list[float]) -
     Signals are the angle's distance to each of the three goals, so that each term has gamma_0 = pi.
     """
     goal = "abs(e{0}) <= 0.05 & abs(omega) <= 0.05"
-    text = " & ".join(
-        f"G[{a},{b}] ({goal.format(i)})" for i, (a, b) in enumerate([(400, 700), (1000, 1200), (1700, 2000)])
-    )
+    text = " & ".join(f"G[{when}] ({goal.format(i)})" for i, when in enumerate(["400,700", "1000,1200", "1700,2000"]))
     box = {name: (-math.pi, math.pi) for name in ("e0", "e1", "e2", "omega")}
     method = Funnel(specification(text, box), ginf=ginf)
     assert [curve.rate for curve in method.curves] == pytest.approx(printed, abs=6e-5)  # .010351 is printed as .0103
@@ -272,7 +263,7 @@ def test_a_predicate_that_always_holds_has_a_funnel_that_does_not_move() -> None
 
 
 @pytest.mark.parametrize("shape", ["linear", "clipped", "normalised"])
-def test_describe_names_each_term(shape: Literal["linear", "clipped", "normalised"]) -> None:
+def test_describe_names_each_term(shape: Shape) -> None:
     described = Funnel(specification(SEQUENCE, BOX), ginf=0.5, shape=shape).describe()
     assert list(described) == ["F[4,8]", "G[12,20]"]
     assert described["G[12,20]"].startswith("gamma_0 2, gamma_inf 0.5, rho_max 1, t0 8, t* 12, l 0.2747")  # ln(3) / 4

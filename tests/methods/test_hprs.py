@@ -66,10 +66,8 @@ class TestSeveralTargets:
 
     def test_the_order_is_that_of_the_deadlines(self) -> None:
         method = Hprs(specification(self.formula, BOX))
-        assert method.describe() == {
-            "safety": ["G[0,10] x <= 3"],
-            "targets": ["F[0,3] x <= -2", "F[2,9] G[0,1] x >= 2"],
-        }
+        targets = ["F[0,3] x <= -2", "F[2,9] G[0,1] x >= 2"]
+        assert method.describe() == {"safety": ["G[0,10] x <= 3"], "targets": targets}
 
     def test_the_trace(self) -> None:
         """x = 4 1 -2 -1 2 2 2 0 2 3.5 2; n of the first target (4 - x) / 6, of the second (x + 4) / 6.

@@ -35,21 +35,17 @@ def test_the_scale_is_the_widest_range_of_a_term() -> None:
     assert method.scale == pytest.approx(4)
 
 
-def test_overlap_takes_the_minimum_and_a_gap_pays_nothing() -> None:
-    text, box = "G[0,3] x <= 1 & F[2,5] y >= 2", {"x": (-3.0, 3.0), "y": (-3.0, 3.0)}
+@pytest.mark.parametrize(
+    ("text", "last", "literal"),
+    [
+        ("G[0,3] x <= 1 & F[2,5] y >= 2", [0.5, 0.5, 0.5, 1, 1, 0, 0], [0.5, 0.5, 0.5, 1, 1, 0, 0]),
+        ("F[2,5] y >= 2", [1, 1, 1, 1, 1, 0, 0], [0, 1, 1, 1, 1, 0, 0]),
+        ("G[3,3] x <= 1 & F[3,6] y >= 2", [0.5, 0.5, 0.5, 1, 1, 1, 0], [0, 0, 0.5, 1, 1, 1, 0]),
+    ],
+    ids=["overlap takes the minimum", "a gap pays nothing", "one sample is paid up to it"],
+)
+def test_whose_turn_it_is(text: str, last: list[float], literal: list[float]) -> None:
+    spec = specification(text, {"x": (-3.0, 3.0), "y": (-3.0, 3.0)}, steps=7)
     trace = np.tile([[0.5, 3.0]], (8, 1))[None]  # robustness .5 and 1 throughout
-    last, _ = run(Raw(specification(text, box, steps=7)), trace)
-    literal, _ = run(Raw(specification(text, box, steps=7), activity="literal"), trace)
-    assert last[0, 1:].tolist() == [0.5, 0.5, 0.5, 1, 1, 0, 0]
-    assert literal[0, 1:].tolist() == [0.5, 0.5, 0.5, 1, 1, 0, 0]
-    alone, _ = run(Raw(specification("F[2,5] y >= 2", box, steps=7), activity="literal"), trace)
-    assert alone[0, 1:].tolist() == [0, 1, 1, 1, 1, 0, 0]
-
-
-def test_a_term_of_one_sample_is_paid_up_to_it() -> None:
-    text, box = "G[3,3] x <= 1 & F[3,6] y >= 2", {"x": (-3.0, 3.0), "y": (-3.0, 3.0)}
-    trace = np.tile([[0.5, 3.0]], (8, 1))[None]  # robustness .5 and 1 throughout
-    last, _ = run(Raw(specification(text, box, steps=7)), trace)
-    literal, _ = run(Raw(specification(text, box, steps=7), activity="literal"), trace)
-    assert last[0, 1:].tolist() == [0.5, 0.5, 0.5, 1, 1, 1, 0]
-    assert literal[0, 1:].tolist() == [0, 0, 0.5, 1, 1, 1, 0]
+    assert run(Raw(spec), trace)[0][0, 1:].tolist() == last
+    assert run(Raw(spec, activity="literal"), trace)[0][0, 1:].tolist() == literal

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
@@ -22,10 +23,6 @@ from stlbench.records.upkeep import repair, verify
 from stlbench.study.results import Results
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT * FROM n"
-COLUMNS = (
-    "key, task, method, agent, seed, budget, status, reason, robustness_mean, satisfaction, training_cpu_seconds, "
-    "training_wall_seconds, recorded_at, result, track, checksum, files, failures, again"
-)
 
 
 @pytest.fixture
@@ -35,12 +32,6 @@ def ledger(tmp_path: Path) -> Path:
             made.record(result(seed=seed))
         made.plan_also({f"planned-{seed}": result(seed=seed).id for seed in range(3, 9)})
     return tmp_path / FILE
-
-
-def say(path: Path, *statements: str) -> None:
-    with closing(sqlite3.connect(path, isolation_level=None)) as database:
-        for statement in statements:
-            database.execute(statement)
 
 
 @pytest.mark.parametrize(
@@ -95,8 +86,7 @@ def test_nor_does_a_schema_go_on_for_ever(ledger: Path) -> None:
 
 @pytest.mark.parametrize("files", ["[" * 200_000, '"traces"', "[1]"])
 def test_checksums_that_are_none_are_damage_of_their_row(ledger: Path, files: str) -> None:
-    with closing(sqlite3.connect(ledger, isolation_level=None)) as database:
-        database.execute("UPDATE cells SET files = ? WHERE seed = 1", (files,))
+    say(ledger, "UPDATE cells SET files = ? WHERE seed = 1", values=(files,))
     (damage,) = verify(ledger.parent).damages
     assert (damage.what, damage.cell) == ("row", result(seed=1).id)
 
@@ -119,8 +109,7 @@ def test_an_archive_that_unpacks_to_all_memory_is_not_read(tmp_path: Path, monke
 
 
 def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -> None:
-    with closing(sqlite3.connect(ledger, isolation_level=None)) as database:
-        database.execute("DELETE FROM cells")
+    say(ledger, "DELETE FROM cells")
     with Ledger(ledger, create=False) as opened:
         planned = next(iter(opened.planned()))
     for key in ("0" * 32, planned):  # a cell that was planned was interrupted, and comes to be measured again
@@ -134,10 +123,8 @@ def endless(path: Path, name: str, levels: int = 12, width: int = 60) -> None:
     """Put pages between a b-tree's root and its content, each of which points to the next one many times."""
     with closing(sqlite3.connect(path)) as database:
         ((size,),) = database.execute("PRAGMA page_size")
-        asked = (
-            "SELECT 1 WHERE ? <> ''" if name == "sqlite_schema" else "SELECT rootpage FROM sqlite_schema WHERE name = ?"
-        )
-        ((root,),) = database.execute(asked, (name,))
+        found = database.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", (name,)).fetchall()
+    ((root,),) = found or [(1,)]  # that of the schema itself
     pages, begin = bytearray(path.read_bytes()), 100 if root == 1 else 0
     first = len(pages) // size + 1
     at = (root - 1) * size

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 import warnings
-from contextlib import closing
 
 import numpy as np
 import pytest
 from helpers.impossible_rows import IMPOSSIBLE, changed, insert, plain, rich, several
+from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
@@ -68,12 +67,8 @@ def test_an_impossible_row_is_left_out_with_a_warning_and_the_others_are_read(fo
 )
 def test_the_warning_says_which_rule_is_broken_and_where(wrong, said):
     with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
-        from_json(to_json_of(wrong))
+        from_json(json.dumps(changed(plain(rich()), IMPOSSIBLE[wrong])))
     assert said in str(caught.value)
-
-
-def to_json_of(wrong):
-    return json.dumps(changed(plain(rich()), IMPOSSIBLE[wrong]))
 
 
 def test_verify_names_an_impossible_row(folder):
@@ -88,8 +83,7 @@ def test_a_row_whose_columns_say_another_cell_is_left_out(folder):
     """Else the cell would be there twice."""
     insert(folder, plain(result()), {**plain(result()), "seed": 5})
     insert(folder, {**plain(result()), "key": "k"}, plain(result()))
-    with closing(sqlite3.connect(folder / FILE)) as database, database:
-        database.execute("UPDATE cells SET seed = 7 WHERE key = 'k'")
+    say(folder / FILE, "UPDATE cells SET seed = 7 WHERE key = 'k'")
     results, said = read(folder)
     assert results == [result()]
     assert "its columns do not say what its result says" in said[0]
@@ -101,8 +95,7 @@ def test_a_row_whose_columns_say_another_cell_is_left_out(folder):
 )
 def test_an_impossible_column_is_left_out_with_a_warning(folder, column, value):
     insert(folder, plain(rich()), plain(rich()))
-    with closing(sqlite3.connect(folder / FILE)) as database, database:
-        database.execute(f"UPDATE cells SET {column} = ? WHERE key = ?", (value, rich().key))
+    say(folder / FILE, f"UPDATE cells SET {column} = ? WHERE key = ?", values=(value, rich().key))
     results, said = read(folder)
     assert results == [result()]
     assert len(said) == 1
@@ -114,9 +107,8 @@ def test_an_impossible_column_is_left_out_with_a_warning(folder, column, value):
 def test_text_that_is_no_utf_8_is_damage(folder):
     """SQLite takes any bytes for a text."""
     insert(folder, plain(rich()), plain(rich()))
-    with closing(sqlite3.connect(folder / FILE)) as database, database:
-        database.execute("UPDATE cells SET reason = CAST(X'FF' AS TEXT), method = CAST(X'66FF' AS TEXT) WHERE seed = 0")
-        database.execute("UPDATE cells SET method = 'funnel' WHERE key = ?", (result().key,))
+    say(folder / FILE, "UPDATE cells SET reason = CAST(X'FF' AS TEXT), method = CAST(X'66FF' AS TEXT) WHERE seed = 0")
+    say(folder / FILE, "UPDATE cells SET method = 'funnel' WHERE key = ?", values=(result().key,))
     results, said = read(folder)
     assert results == [result()]
     assert len(said) == 1
@@ -161,8 +153,7 @@ def test_a_count_of_failures_that_cannot_be_begins_again(folder):
     failed = result("mine", status="raised")
     for count in ("many", -5, 2**63 - 1):
         insert(folder, plain(failed), plain(failed))
-        with closing(sqlite3.connect(folder / FILE)) as database, database:
-            database.execute("UPDATE cells SET failures = ? WHERE key = ?", (count, failed.key))
+        say(folder / FILE, "UPDATE cells SET failures = ? WHERE key = ?", values=(count, failed.key))
         with Ledger(folder / FILE) as ledger:
             ledger.record(failed)
             assert ledger.given_up([failed.key], 1) == [failed.id]

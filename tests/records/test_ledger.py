@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
@@ -169,17 +170,11 @@ def test_reading_while_recording(path):
         assert [(entry.id.seed, entry.reason) for entry in ledger.results()] == [(seed, "seen") for seed in range(5)]
 
 
-def other_database(path):
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE cells (key)")
-
-
 def of_version(version):
     def make(path):
         with Ledger(path) as ledger:
             ledger.record(result())
-        with sqlite3.connect(path) as database:
-            database.execute(f"PRAGMA user_version = {version}")
+        say(path, f"PRAGMA user_version = {version}")
 
     return make
 
@@ -193,7 +188,7 @@ OTHER = f"is a ledger of version {{}}; this stlbench reads {OLDEST} to {VERSION}
         (lambda path: path.write_text("some text, and no database\n" * 50), "is no ledger of stlbench"),
         (lambda path: path.write_text("x"), "is no ledger of stlbench"),
         (lambda path: path.write_bytes(b"SQLite format 3\0 and then nonsense" * 50), "cannot read the ledger"),
-        (other_database, "is no ledger of stlbench"),
+        (lambda path: say(path, "CREATE TABLE cells (key)"), "is no ledger of stlbench"),
         (lambda path: path.mkdir(), "is no ledger of stlbench"),
         *((of_version(version), OTHER.format(version)) for version in (OLDEST - 1, VERSION + 1)),
         (lambda path: None, "there is no ledger at"),

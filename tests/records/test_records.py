@@ -8,6 +8,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
@@ -107,9 +108,7 @@ def test_what_writes_into_a_damaged_ledger_says_the_same(whole):
 def test_a_damaged_row_is_named_and_passed_over_and_measured_again_by_retry(whole, column, value):
     """One without a cell is named by its key."""
     path, _ = whole
-    with sqlite3.connect(path) as database:
-        database.execute(f"UPDATE cells SET {column} = {value} WHERE seed = 7")
-    database.close()
+    say(path, f"UPDATE cells SET {column} = {value} WHERE seed = 7")
     seeds, _, said = read(path)
     assert len(seeds) == COUNT - 1
     if column != "result":

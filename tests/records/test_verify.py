@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sqlite3
 from dataclasses import replace
 
 import pytest
 from helpers import scripted_cells
+from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
@@ -50,9 +50,7 @@ def test_a_whole_folder(folder):
 
 
 def deleted(folder, rule="1", table="cells"):
-    with sqlite3.connect(folder / FILE) as database:
-        database.execute(f"DELETE FROM {table} WHERE {rule}")
-    database.close()
+    say(folder / FILE, f"DELETE FROM {table} WHERE {rule}")
 
 
 @pytest.mark.parametrize(("rule", "seeds"), [("seed = 1", [1]), ("seed < 2", [0, 1]), ("1", [0, 1, 2])])
@@ -98,16 +96,9 @@ def test_a_ledger_without_rows_is_empty_and_whole(tmp_path):
     assert repair(tmp_path).is_whole
 
 
-def older(folder):
-    """A ledger as stlbench wrote it before it listed the rows that it has recorded."""
-    with sqlite3.connect(folder / FILE) as database:
-        database.execute("DROP TABLE recorded")
-        database.execute("PRAGMA user_version = 5")
-    database.close()
-
-
 def test_an_older_ledger_is_read_and_lists_its_rows_when_it_is_written(folder):
-    older(folder)
+    """As stlbench wrote it before it listed the rows that it has recorded."""
+    say(folder / FILE, "DROP TABLE recorded", "PRAGMA user_version = 5")
     before = (folder / FILE).read_bytes()
     assert (verify(folder).rows, verify(folder).is_whole) == (3, True)
     assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
@@ -119,9 +110,7 @@ def test_an_older_ledger_is_read_and_lists_its_rows_when_it_is_written(folder):
 
 
 def test_a_list_of_rows_that_is_gone_is_damage(folder):
-    with sqlite3.connect(folder / FILE) as database:
-        database.execute("DROP TABLE recorded")
-    database.close()
+    say(folder / FILE, "DROP TABLE recorded")
     assert verify(folder).structure == ("it does not list the rows that were recorded",)
     with pytest.raises(UsageError, match=r"is damaged; take the file away, and the results are read from cells\.jsonl"):
         repair(folder)
@@ -150,9 +139,7 @@ def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folde
 
 
 def test_a_row_that_is_not_as_it_was_recorded(folder):
-    with sqlite3.connect(folder / FILE) as database:
-        database.execute("UPDATE cells SET result = replace(result, '0.4', '0.9') WHERE seed = 1")
-    database.close()
+    say(folder / FILE, "UPDATE cells SET result = replace(result, '0.4', '0.9') WHERE seed = 1")
     (damage,) = verify(folder).damages
     assert (damage.what, damage.cell.seed) == ("row", 1)
     repair(folder)
@@ -165,12 +152,9 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
     "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
 )
 def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
-    with sqlite3.connect(folder / FILE) as database:
-        database.execute(f"UPDATE cells SET {column} WHERE seed = 1")
-    database.close()
-    assert said(verify(folder)) == [
-        ("hold-disc/funnel/dqn/1 quick", "row", "its columns do not say what its result says")
-    ]
+    say(folder / FILE, f"UPDATE cells SET {column} WHERE seed = 1")
+    problem = "its columns do not say what its result says"
+    assert said(verify(folder)) == [("hold-disc/funnel/dqn/1 quick", "row", problem)]
     repair(folder)
     with Ledger(folder / FILE) as ledger:
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
@@ -183,9 +167,7 @@ def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
 def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, scripted):
     cells, again = scripted_cells.cells("a", "b", "c"), scripted_cells.Here()
     run.run_cells(cells, tmp_path, scripted_cells.Here(), run_cell=scripted_cells.run_in)
-    with sqlite3.connect(tmp_path / FILE) as database:
-        database.execute("UPDATE cells SET result = '{}' WHERE seed = 1")
-    database.close()
+    say(tmp_path / FILE, "UPDATE cells SET result = '{}' WHERE seed = 1")
     repair(tmp_path)
     run.run_cells(cells, tmp_path, again, run_cell=scripted_cells.run_in)
     assert again.ran == [("b", 60)]

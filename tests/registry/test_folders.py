@@ -105,8 +105,5 @@ def test_a_folder_that_is_no_task_is_refused_in_a_line(
     with pytest.raises(UsageError, match=f"^.*{name}: {said}") as caught:
         named_tasks.parse_task(f"{folder(name, **changes)}")
     assert "\n" not in str(caught.value)
-
-
-def test_no_folder_at_all() -> None:
     with pytest.raises(UsageError, match=r"^zz-nowhere: there is no such folder; a task is a folder with task.yaml"):
         named_tasks.parse_task("./zz-nowhere")

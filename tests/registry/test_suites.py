@@ -77,18 +77,8 @@ class One(Suite):
         ("['../a']", "{}", "7", "suite 'zz' of acme 1.2: its names have '../a', the contract says parts of"),
         ("['a']", "7", "7", "suite 'zz' of acme 1.2: its splits is 7, the contract says a mapping"),
         ("['a']", "{'dev': ['b']}", "7", "suite 'zz' of acme 1.2: its split 'dev' has what is none of its names"),
-        (
-            "property(lambda self: 1 / 0)",
-            "{}",
-            "7",
-            "suite 'zz' of acme 1.2 cannot be asked for its tasks: ZeroDivision",
-        ),
-        (
-            "['a']",
-            "{}",
-            "7",
-            "task 'zz-a' of acme 1.2 (zz_suite:One): PluginError: suite 'zz' of acme 1.2: task('a') gives",
-        ),
+        ("property(lambda self: 1 / 0)", "{}", "7", "suite 'zz' of acme 1.2 cannot be asked for its tasks: Zero"),
+        ("['a']", "{}", "7", "task 'zz-a' of acme 1.2 (zz_suite:One): PluginError: suite 'zz' of acme 1.2: task('a')"),
     ],
 )
 def test_a_suite_that_breaks_its_contract_is_named_with_the_rule(

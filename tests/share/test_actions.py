@@ -74,11 +74,7 @@ def test_a_table_that_does_not_fit(text: str, answer: object, message: str, tmp_
 @pytest.mark.parametrize(
     ("found", "actions", "message"),
     [
-        (
-            [0, 1],
-            GRID,
-            r"p: its actions are int64 \(2,\); expected are whole numbers \(3,\), values \(3, 6\), or \(3, 2\)",
-        ),
+        ([0, 1], GRID, r"p: its actions are int64 \(2,\); expected are whole .* \(3,\), values \(3, 6\), or \(3, 2\)"),
         ([0, 1, 2], BOX, r"p: its actions are int64 \(3,\); expected are \(3, 2\) for v, w"),
         ([0.0, 1.0, 2.0], GRID, r"are float64 \(3,\); expected are whole"),
         ([[0.0], [1.0], [2.0]], BOX, r"are float64 \(3, 1\); expected are \(3, 2\)"),

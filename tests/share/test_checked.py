@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sqlite3
 import stat
 import zipfile
 from dataclasses import replace
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import bundles, line_task
+from helpers.ledgers import say
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files
@@ -46,10 +46,7 @@ def test_what_was_packed_is_fine(bundle) -> None:
     [
         ({"report.md": b"# B report\n"}, [f"report.md: {OTHER}"]),
         ({"report.md": b"longer than it was"}, [f"report.md: 18 bytes, and {METADATA} says 11"]),
-        (
-            {"report.md": None, "extra.txt": b"?"},
-            [f"extra.txt: not in the list of {METADATA}", "report.md: missing"],
-        ),
+        ({"report.md": None, "extra.txt": b"?"}, [f"extra.txt: not in the list of {METADATA}", "report.md: missing"]),
     ],
 )
 def test_a_file_that_is_not_as_it_was_packed_is_named(bundle, tmp_path, files, problems) -> None:
@@ -124,9 +121,7 @@ def test_code_that_a_ledger_names_is_not_run(bundle, tmp_path) -> None:
     with Ledger(tmp_path / FILE) as ledger:
         moved = replace(result.id, task=replace(result.id.task, name="zz-evil"))
         ledger.record(replace(result, id=moved, provenance={TASK_FOLDER: str(evil)}))
-    with sqlite3.connect(tmp_path / FILE) as database:
-        database.execute("PRAGMA journal_mode=DELETE")
-    database.close()
+    say(tmp_path / FILE, "PRAGMA journal_mode=DELETE")
     path = bundles.told(bundle, tmp_path / "evil.zip", {FILE: (tmp_path / FILE).read_bytes()})
     assert check(path).problems == (f"{FILE}: no file of a bundle",)
     with unpacked(path) as (folder, _):

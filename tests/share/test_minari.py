@@ -71,17 +71,12 @@ def test_minari_reads_it_and_the_labels_are_the_referee_s(mine: Path, tmp_path: 
     assert "is there already" in export(mine, tmp_path)
 
 
-def test_a_file_in_place_of_the_folder_is_one_line(mine: Path, tmp_path: Path) -> None:
+def test_a_file_in_place_of_the_folder_and_results_without_policies_are_one_line(mine: Path, tmp_path: Path) -> None:
     pytest.importorskip("minari")
     pytest.importorskip("h5py")
     (tmp_path / "out").touch()
     said = export(mine, tmp_path / "out")
     assert said.startswith(f"error: cannot write {tmp_path / 'out'}: ")
     assert said.count("\n") == 1
-
-
-def test_results_without_policies_are_one_line(tmp_path: Path) -> None:
-    pytest.importorskip("minari")
-    pytest.importorskip("h5py")
     folder = Path(__file__).parents[2] / "results" / "auto-field"
     assert export(folder, tmp_path) == f"error: {folder} has no stored policy, which could act again\n"

@@ -87,9 +87,8 @@ def test_a_dict_of_numbers_is_flattened_as_gymnasium_does(tmp_path: Path) -> Non
     model = saved(tmp_path / "m.zip", "PPO", World(space_of(BOX), space), "MultiInputPolicy")
     seen: list[Any] = [space.sample() for _ in range(50)]
     expected = [model.predict(each, deterministic=True)[0] for each in seen]
-    found = load_sb3(tmp_path / "m.zip", BOX, Observation(5))(
-        np.stack([gymnasium.spaces.flatten(space, each) for each in seen])
-    )
+    flat = np.stack([gymnasium.spaces.flatten(space, each) for each in seen])
+    found = load_sb3(tmp_path / "m.zip", BOX, Observation(5))(flat)
     assert found == pytest.approx(np.stack(expected), abs=1e-5)
 
 
@@ -128,26 +127,13 @@ def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
         ("DQN", space_of(GRID), {}, GRID, 5, "the policy acts on 4 numbers, and the task's observation has 5"),
         ("DQN", space_of(GRID), {}, BOX, 4, "has 3 outputs for Discrete actions, and the task 2 continuous actions"),
         ("TD3", space_of(BOX), {}, GRID, 4, "has 2 outputs for Box actions, and the task a grid of 3 actions"),
-        (
-            "PPO",
-            MultiDiscrete([4, 3]),
-            {},
-            PAIR,
-            4,
-            "MultiDiscrete actions, 4 x 3, and the task a grid of 12 actions, 3 x 4",
-        ),
+        ("PPO", MultiDiscrete([4, 3]), {}, PAIR, 4, "actions, 4 x 3, and the task a grid of 12 actions, 3 x 4"),
         ("PPO", MultiDiscrete([2, 2]), {}, FOUR, 4, "MultiDiscrete actions, 2 x 2, and the task a grid of 4 actions"),
         ("PPO", space_of(BOX), {"activation_fn": torch.nn.GELU}, BOX, 4, "activation GELU; known are ReLU, Tanh"),
     ],
 )
 def test_what_does_not_fit(
-    tmp_path: Path,
-    algorithm: str,
-    trained: Space[Any],
-    words: dict[str, Any],
-    actions: Actions,
-    size: int,
-    message: str,
+    tmp_path: Path, algorithm: str, trained: Any, words: dict[str, Any], actions: Actions, size: int, message: str
 ) -> None:
     saved(tmp_path / "m.zip", algorithm, World(trained), **words)
     with pytest.raises(UsageError, match=message):

@@ -105,11 +105,8 @@ def test_own_actions_are_taken_as_they_are(tmp_path: Path, monkeypatch: pytest.M
         state = task.system.step(state, table[best])
     assert np.array_equal(found.traces[:, :-1], np.stack(traces, axis=1))
     assert (found.moved, found.observation) == ("", "x, y, heading")
-    (tmp_path / "zz_own.py").write_text(
-        "import numpy as np\n"
-        "def act(state, t):\n"
-        "    return np.tile([0.5, 2.0], (len(state), 1))\n"  # omega 2 is between 1.5 and 2.25
-    )
+    act = "def act(state, t): return np.tile([0.5, 2.0], (len(state), 1))\n"  # omega 2 is between 1.5 and 2.25
+    (tmp_path / "zz_own.py").write_text(f"import numpy as np\n{act}")
     monkeypatch.syspath_prepend(str(tmp_path))
     moved = score(task, find_source("zz_own:act"), Shown("state"), 0).moved
     assert moved.endswith(
@@ -178,9 +175,7 @@ def test_without_torch_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_an_architecture_and_a_table_are_for_what_has_a_use_for_them(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("x\n0\n")
-    with pytest.raises(
-        UsageError, match=r"my:act: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it"
-    ):
+    with pytest.raises(UsageError, match=r"my:act: --architecture is for a state_dict of PyTorch, .pt or .pth; leave"):
         find_source("my:act", FORM)
     (tmp_path / "q.pt").write_bytes(b"")
     with pytest.raises(UsageError, match=r"q.pt: a file of PyTorch has weights and no network; say --architecture"):

@@ -20,6 +20,7 @@ from stlbench.simulation.referee import Referee
 from stlbench.task import Task
 
 RULES = ("hold", "violated", "interval")
+SHORT = "time,x\n0,0\n.5,.5\n1,1\n"
 
 
 def ending(terminated: str) -> Task:
@@ -43,14 +44,7 @@ def test_what_the_referee_recorded_gets_the_score_that_it_gave(tmp_path: Path, t
 
 
 @pytest.mark.parametrize("terminated", RULES)
-@pytest.mark.parametrize(
-    "text",
-    [
-        "time,x\n0,0\n.5,.5\n1,1\n",
-        "time,x\n0,0\n.5,.5\n1,1\n1.5,nan\n2,NaN\n",
-        "x,y\n0,1\n.5,1\n1,1\n,1\n,nan\n",
-    ],
-)
+@pytest.mark.parametrize("text", [SHORT, SHORT + "1.5,nan\n2,NaN\n", "x,y\n0,1\n.5,1\n1,1\n,1\n,nan\n"])
 def test_a_table_that_is_short_or_ends_with_nan(tmp_path: Path, terminated: str, text: str) -> None:
     (tmp_path / "t.csv").write_text(text)
     task = ending(terminated)
@@ -87,11 +81,7 @@ def test_traces_of_different_lengths(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("value", "rows", "message"),
     [
-        (
-            np.nan,
-            slice(2, 3),
-            "trace 0, row 2, x is nan; a finite number is expected, or NaN in all signals from a",
-        ),
+        (np.nan, slice(2, 3), "trace 0, row 2, x is nan; a finite number is expected, or NaN in all signals from a"),
         (np.nan, slice(0, 9), "trace 0, row 0, x is nan; a finite number is expected"),
         (np.inf, slice(8, 9), "trace 0, row 8, x is inf; a finite number is expected"),
     ],

@@ -90,6 +90,11 @@ def wrapped(method: str = "raw", **options: Any) -> StlWrapper:
     return stlbench.wrap(gymnasium.make("Pendulum-v1"), FORMULA, method=method, **(WRAPPED | options))
 
 
+def cart(**more: Any) -> StlWrapper:
+    options: dict[str, Any] = {"names": ("x", "v", "angle", "omega"), "ranges": {"angle": (-0.2, 0.2)}, "steps": 30}
+    return stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(angle) <= 0.1", method="raw", **options, **more)
+
+
 def rolled_out(env: StlWrapper, act: Callable[[Array], Any], starts: int) -> tuple[list[float], list[bool]]:
     """Robustness and satisfaction as the wrapper itself says them, from the seeds of the task's report."""
     robustness, satisfied = [], []
@@ -141,17 +146,12 @@ def test_a_model_of_sb3_that_saw_wrap(method: str, task: Task, tmp_path: Path) -
 
 def test_with_the_scale_of_the_task_file(pole: Task, tmp_path: Path) -> None:
     """A DQN on `CartPole-v1`, whose speeds have no ends: with the scale of the task it is the same, else refused."""
-    options: dict[str, Any] = {"names": ("x", "v", "angle", "omega"), "ranges": {"angle": (-0.2, 0.2)}, "steps": 30}
-
-    def made(**more: Any) -> StlWrapper:
-        return stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(angle) <= 0.1", method="raw", **options, **more)
-
-    env = made(scale={"v": 2, "omega": 3})
+    env = cart(scale={"v": 2, "omega": 3})
     model = saved(tmp_path / "m.zip", env, "DQN")
     robustness, _ = rolled_out(env, lambda seen: model.predict(seen, deterministic=True)[0], 8)
     found = score(pole, find_source(str(tmp_path / "m.zip")), Shown(), 0)
     assert found.measurement.selected[MAIN].robustness == pytest.approx(robustness, abs=1e-4)
-    saved(tmp_path / "n.zip", made(), "DQN")
+    saved(tmp_path / "n.zip", cart(), "DQN")
     with pytest.raises(UsageError, match=r"n.zip: it was trained on CartPole-v1 to observe v; here is v / 2$"):
         score(pole, find_source(str(tmp_path / "n.zip")), Shown(), 0)
 
@@ -226,11 +226,7 @@ def test_a_record_that_anybody_may_have_written(task: Task, tmp_path: Path) -> N
 
 
 def test_observations_of_wrap_and_of_the_task_are_equal_bit_for_bit(pole: Task, task: Task) -> None:
-    options: dict[str, Any] = {"names": ("x", "v", "angle", "omega"), "ranges": {"angle": (-0.2, 0.2)}, "steps": 30}
-    cart = stlbench.wrap(
-        gymnasium.make("CartPole-v1"), "G angle <= 1", method="raw", scale={"v": 2, "omega": 3}, **options
-    )
-    for found, env in ((task, wrapped()), (pole, cart)):
+    for found, env in ((task, wrapped()), (pole, cart(scale={"v": 2, "omega": 3}))):
         simulator = Simulator(found, Unpaid(found.specification))
         seen = simulator.reset(np.array([[4]]))[0]
         ours, _ = env.reset(seed=4)

@@ -54,9 +54,8 @@ def test_one_acts_as_it_did() -> None:
 def test_one_that_is_taken_is_a_folder_of_results(tmp_path: Path) -> None:
     files = stlbench("policies", "get", CELL, tmp_path / "mine").split()
     assert all(Path(file).is_file() for file in files)
-    assert stlbench("score", "integrator-or", CELL, "--results", tmp_path / "mine").startswith(
-        f"{CELL}, selected policy"
-    )
+    said = stlbench("score", "integrator-or", CELL, "--results", tmp_path / "mine")
+    assert said.startswith(f"{CELL}, selected policy")
     assert stlbench("policies", "list", "--results", tmp_path / "mine").count("integrator-or") == 1
 
 

@@ -74,17 +74,8 @@ def test_a_goal_by_hand() -> None:
 
 def test_an_invariant_by_hand() -> None:
     both = "G[0,9] abs(x) >= 1 & F[0,9] y >= 1"  # at most 2 above its border, 1 below: its near size is 1
-    for x, expected in (
-        (3.0, 0.3),
-        (1.5, 0.3),
-        (1.25, 0.15),
-        (1.0, 0.0),
-        (0.995, -0.51),
-        (0.75, -1.5),
-        (0.5, -2),
-        (0, -2),
-    ):
-        assert _value(both, x) == pytest.approx(expected)
+    values = {3.0: 0.3, 1.5: 0.3, 1.25: 0.15, 1.0: 0.0, 0.995: -0.51, 0.75: -1.5, 0.5: -2, 0: -2}
+    assert {x: _value(both, x) for x in values} == pytest.approx(values)
 
 
 @pytest.mark.parametrize(("hold", "border"), [(1, 1), (2, 2), (5, 5), (10, 5)])

@@ -61,16 +61,11 @@ def environment(**changes: Any) -> dict[str, Any]:
     return {"environment": POLE["environment"] | changes}
 
 
-def test_a_folder_with_a_task_file_is_a_task(folder: Callable[..., str]) -> None:
+def test_a_folder_with_a_task_file_is_a_task_and_a_pipe_beside_it_is_not_waited_for(folder: Callable[..., str]) -> None:
+    os.mkfifo(Path(folder()) / "by_hand.yaml")  # which is not waited for
     task = load_task(folder())
     assert task.actions == ActionGrid(("action",), ((0.0, 1.0),))
     assert task.starts.report_and_selection()[0].tolist() == [[0], [1], [2], [3]]
-
-
-def test_a_pipe_beside_the_task_file_is_not_waited_for(folder: Callable[..., str]) -> None:
-    path = folder()
-    os.mkfifo(Path(path) / "by_hand.yaml")
-    assert load_task(path).name == Path(path).name
 
 
 def test_a_box_is_continuous_unless_the_file_counts_values(folder: Callable[..., str]) -> None:
@@ -84,12 +79,8 @@ def test_the_sets_of_seeds_are_apart() -> None:
     starts = walk().starts
     assert isinstance(starts, SeedStarts)
     generator = np.random.default_rng(0)
-    sets = [
-        *starts.report_and_selection(),
-        starts.at_random(1000),
-        starts.of_training(generator, 1000),
-        starts.fresh(0, 1000),
-    ]
+    drawn = starts.at_random(1000), starts.of_training(generator, 1000), starts.fresh(0, 1000)
+    sets = [*starts.report_and_selection(), *drawn]
     seeds = [set(each[:, 0].tolist()) for each in sets]
     assert all(not one & other for i, one in enumerate(seeds) for other in seeds[:i])
     assert all(seed == int(seed) and 0 <= seed < 2**31 for each in seeds for seed in each)
@@ -104,10 +95,7 @@ def test_the_sets_of_seeds_are_apart() -> None:
         (environment(names=["x", "v", "theta"]), "names: 3 for the observation, which has 4 entries"),
         (environment(scale={"speed": 2}), "scale: no entry 'speed'"),
         ({"signals": {"theta": {"low": -1, "high": 1, "expression": "theta +"}}}, "signals.theta: "),
-        (
-            {"actions": {"push": {"low": -1, "high": 1}}},
-            "actions.push: the environment takes whole numbers",
-        ),
+        ({"actions": {"push": {"low": -1, "high": 1}}}, "actions.push: the environment takes whole numbers"),
         ({"actions": {"a": {"low": 0, "high": 1}, "b": {"low": 0, "high": 1}}}, "actions: 2 are declared, the env.* 1"),
         ({"initial": {"box": {"x": 0}}}, "initial: the state of this task cannot be set, its starts are seeds"),
         ({"training": {"exploring": {"share": 0.5}}}, "training.exploring: the state of this task cannot be set"),
@@ -169,11 +157,7 @@ def test_what_a_class_makes_can_have_names_scales_and_expressions(folder: Callab
     [
         (None, {"names": ["x"]}, "there is no environment: give its id in task.yaml, or a class of GymTask with make"),
         (MADE, {"names": ["x"]}, "names: 1 for the observation, which has 4 entries"),
-        (
-            MADE,
-            {"kwargs": {"gravity": 3}},
-            "environment.kwargs: there is no id that it could go with; make",
-        ),
+        (MADE, {"kwargs": {"gravity": 3}}, "environment.kwargs: there is no id that it could go with; make"),
     ],
 )
 def test_an_environment_without_an_id(

@@ -60,9 +60,8 @@ def test_states_and_signals() -> None:
 @pytest.mark.parametrize("missing", ["mujoco", "dm_control"])
 def test_without_the_extra_one_line_says_what_to_install(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(
-        (UsageError, ImportError), match=r"it needs the extra mujoco: pip install \"stlbench-rl\[mujoco\]\""
-    ):
+    said = r"it needs the extra mujoco: pip install \"stlbench-rl\[mujoco\]\""
+    with pytest.raises((UsageError, ImportError), match=said):
         load_task("cartpole")
 
 

@@ -1,37 +1,19 @@
-"""What all tasks that come with stlbench have in common: the rules of the contract, their controllers, their robots."""
+"""What all tasks that come with stlbench have in common: their controllers, their robots."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from helpers.controlled_traces import all_starts, trace
-from helpers.task_lists import TASKS
 
 from stlbench import stl
 from stlbench.simulation import referee
 from stlbench.task import load_task
-from stlbench.testing import check_task
 from stlbench_tasks.differential_drive import DifferentialDrive
 
-CHEAP = ("either-or", "formation", "hold-disc-coarse", "lunar-lander")
-"""A grid and a box of actions, several robots, a system and an environment; the others are checked every night."""
-EXTRAS = {"ball-in-cup": "mujoco", "cartpole": "mujoco", "fetch-reach": "mujoco", "hopper": "mujoco"}
-EXTRAS |= {"walker": "mujoco", "lane": "highway_env", "lunar-lander": "Box2D"}
-
-
-def nightly(names: Any) -> list[Any]:
-    """The names of tasks, of which those that are dear are slow."""
-    return [name if name in CHEAP else pytest.param(name, marks=pytest.mark.slow) for name in names]
-
-
-@pytest.mark.parametrize("name", nightly(name for name in TASKS if name != "lane"))
-def test_the_contract(name: str) -> None:
-    if name in EXTRAS:
-        pytest.importorskip(EXTRAS[name], reason="an extra is not installed")
-    check_task(name)
+MUJOCO = ("ball-in-cup", "cartpole", "fetch-reach")
 
 
 CONTROLLED = {
@@ -53,8 +35,8 @@ CONTROLLED = {
 @pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 16], ids=["all", "some"])
 @pytest.mark.parametrize("name", CONTROLLED)
 def test_the_controller_satisfies_from_every_start(name: str, every: int) -> None:
-    if name in EXTRAS:
-        pytest.importorskip(EXTRAS[name], reason="an extra is not installed")
+    if name in MUJOCO:
+        pytest.importorskip("mujoco", reason="an extra is not installed")
     task, (least, most) = load_task(name), CONTROLLED[name]
     score = referee.score(task, trace(task, all_starts(task)[::every]))
     assert all(score.satisfied)

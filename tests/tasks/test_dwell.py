@@ -16,11 +16,9 @@ def test_the_source() -> None:
     """F[0,450] (G[0,49] A | G[0,49] B) over 500 steps, with the robot and the starts of patrol."""
     a, b = (f"(x >= 3.5 & x <= 4.5 & y >= {low} & y <= {low + 1})" for low in (3.5, 1.5))
     traces = np.random.default_rng(0).uniform(1.4, 4.6, (20, 501, 2))
-    both = [
-        stl.robustness(formula, traces, TASK.signals)
-        for formula in (TASK.formula, stl.parse(f"F[0,450] (G[0,49] {a} | G[0,49] {b})"))
-    ]
-    assert both[0] == pytest.approx(both[1])
+    written = stl.parse(f"F[0,450] (G[0,49] {a} | G[0,49] {b})")
+    one, other_ = (stl.robustness(formula, traces, TASK.signals) for formula in (TASK.formula, written))
+    assert one == pytest.approx(other_)
     other = load_task("patrol")
     assert (TASK.file.steps, TASK.file.sampling_time) == (500, other.file.sampling_time)
     assert (TASK.file.initial, TASK.actions) == (other.file.initial, other.actions)

@@ -26,15 +26,10 @@ def test_one_formula_over_all_robots() -> None:
     goals = "G[40,50] norm(ax - 4, ay - 3.5) <= 0.5 & G[80,90] norm(bx - 4, by - 2.25) <= 0.5 & "
     goals += "G[120,130] norm(cx - 4, cy - 1) <= 0.5"
     assert TASK.formula == stl.parse(f"G[0,130] ({' & '.join(safe)}) & {goals}")
-    assert TASK.file.steps == 130
-
-
-def test_three_robots_with_25_actions_each() -> None:
+    assert (TASK.file.steps, list(TASK.file.robots)) == (130, ["a", "b", "c"])
     assert isinstance(TASK.actions, ActionGrid)
-    assert list(TASK.file.robots) == ["a", "b", "c"]
-    assert [part.names for part in TASK.actions.parts] == [("va_x", "va_y"), ("vb_x", "vb_y"), ("vc_x", "vc_y")]
-    assert [part.size for part in TASK.actions.parts] == [25, 25, 25]
-    assert TASK.actions.size == 15_625
+    parts = [(part.names, part.size) for part in TASK.actions.parts]
+    assert parts == [((f"v{robot}_x", f"v{robot}_y"), 25) for robot in "abc"]
 
 
 HOME = np.array(GOALS)

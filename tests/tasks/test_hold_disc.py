@@ -15,9 +15,8 @@ TASK = load_task("hold-disc")
 def test_the_protocols_measure_what_the_authors_program_prints() -> None:
     # the minimum over steps 100..200; of one episode under the name `paper`
     protocols = TASK.file.protocols
-    assert {protocols[name].formula for name in ("paper", "tail")} == {
-        stl.parse("G[100,200] (norm(x - 2, y - 2) <= 1)")
-    }
+    late = stl.parse("G[100,200] (norm(x - 2, y - 2) <= 1)")
+    assert protocols["paper"].formula == protocols["tail"].formula == late
     assert (protocols["paper"].starts, protocols["tail"].starts) == (1, 64)
     region = protocols["centre"].initial
     assert region is not None

@@ -25,43 +25,31 @@ SOURCES: dict[str, tuple[str, float, int, dict[str, tuple[float, ...]]]] = {
     "annulus": ("G[300,2000] (norm(x - 5, y - 5) >= 2 & norm(x - 5, y - 5) <= 5)", 0.01, 2000, ROBOT),
     "ball-in-cup": (
         "G[200,300] (distance <= 0.1) & G[500,600] (distance >= 0.2) & G[800,1000] (distance <= 0.1)",
-        0.02,
-        1000,
-        dict.fromkeys(("x", "z"), (-1, 1)),
+        *(0.02, 1000, dict.fromkeys(("x", "z"), (-1, 1))),
     ),
     "cartpole": (
         f"G[400,500] (abs(x - 0.5) <= 0.2 & {POLE}) & G[900,1000] (abs(x + 0.5) <= 0.2 & {POLE})",
-        0.01,
-        1000,
-        {"force": (-1, 1)},
+        *(0.01, 1000, {"force": (-1, 1)}),
     ),
     "fetch-reach": (
         "G[50,100] (norm(x - 1.5, y - 0.43, z - 0.47) <= 0.1) & G[150,200] (norm(x - 1.5, y - 1.05, z - 0.47) <= 0.1)",
-        0.04,
-        200,
-        dict.fromkeys(("x", "y", "z"), (-1, 1)),
+        *(0.04, 200, dict.fromkeys(("x", "y", "z"), (-1, 1))),
     ),
     "hold-disc": ("G[0,200] (norm(x - 2, y - 2) <= 1)", 0.01, 200, ROBOT),
     "integrator-or": ("G[0,2000] (abs(x - 5) <= 5 | abs(x - 45) <= 5)", 0.01, 2000, {"v": (-3, 3, 13)}),
     "overlap": (
         f"G[0,2000] ({SAFE}) & F[0,1000] (norm(x - 3, y - 1) <= 0.3) & F[1000,1800] (norm(x - 1, y - 3) <= 0.3)",
-        0.05,
-        2000,
-        {"v": (-0.3, 0.3, 21), "omega": (-1, 1, 13)},
+        *(0.05, 2000, {"v": (-0.3, 0.3, 21), "omega": (-1, 1, 13)}),
     ),
     "pendulum": (
         f"G[400,700] (abs(theta) <= 0.05 & {STILL}) & G[1000,1200] (abs(1.57 - theta) <= 0.05 & {STILL})"
         f" & G[1700,2000] (abs(-1.57 - theta) <= 0.05 & {STILL})",
-        0.01,
-        2000,
-        {"torque": (-3, 3, 61)},
+        *(0.01, 2000, {"torque": (-3, 3, 61)}),
     ),
     "reach-stay": ("F[0,600] G[0,200] norm(x - 10, y - 10) <= 1", 0.01, 800, ROBOT),
     "robot-nav": (
         "G[900,1300] (norm(x - 25, y - 25) <= 2) & G[1600,2000] (norm(x - 30, y - 30) <= 2)",
-        0.01,
-        2000,
-        ROBOT,
+        *(0.01, 2000, ROBOT),
     ),
 }
 """Task -> formula in steps, seconds a step, steps of an episode, and of each action its ends and how many there are."""
@@ -120,12 +108,7 @@ ARM = [0.3, -0.6, 0, 0.4, -0.8, 0, tanh(0.5)]
             "annulus",
             [[8, 9, AHEAD], [8, 9, AHEAD + pi / 2], [5, 5, 1], [5, 8.5, 0]],
             [0, 1000, 2000, 0],
-            [
-                [0.3, tanh(1.5), -NEAR, 0],
-                [0.3, tanh(1.5), 0, NEAR],
-                [-0.7, tanh(-3.5), 0, 0],
-                [0, 0, 0, -tanh(3.5)],
-            ],
+            [[0.3, tanh(1.5), -NEAR, 0], [0.3, tanh(1.5), 0, NEAR], [-0.7, tanh(-3.5), 0, 0], [0, 0, 0, -tanh(3.5)]],
         ),
         (
             "ball-in-cup",

@@ -13,7 +13,7 @@ from helpers.line_task import Probe
 from stlbench.contract import Intractable, RewardMethod, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.testing import check_method, check_task
+from stlbench.testing import check_agent, check_executor, check_method, check_task
 
 METHODS, TASKS = plugins.available("methods"), plugins.available("tasks")
 VARIANTS = (
@@ -42,7 +42,16 @@ def test_every_installed_method_on_every_installed_task(method: str, task: str) 
         assert str(refusal)  # noqa: PT017  # a refusal is an answer, with its reason
 
 
-@pytest.mark.parametrize("method", ALL)
+SEMANTICS = [
+    "tltl[semantics=gmsr]",
+    "tltl[semantics=gilpin]",
+    "bhnr[semantics=gilpin]",
+    "bhnr[mode=block,semantics=lse]",
+]
+SEMANTICS += ["bhnr[semantics=filtering-sum]", "dense[semantics=gilpin]", "dense[mode=difference]"]
+
+
+@pytest.mark.parametrize("method", [*ALL, *SEMANTICS, "sparse[pays=failure]"])
 def test_every_installed_method_on_small_formulas(method: str) -> None:
     check_method(method)
 
@@ -83,6 +92,10 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
     return reward, given[4]
 
 
+BATCH = r"rewards \(1, 6\)"
+SHAPES = rf"along gives {BATCH} and memory \(6, 2\)"
+
+
 @pytest.mark.parametrize(
     ("method", "rule"),
     [
@@ -91,28 +104,16 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
         (broken(preference={"grid": 1}), "preference has places from 1 on for some of recurring, other, sum; got"),
         (broken(floor=0.5), r"Broken: no reward in the box of the signals is below its floor = 0\.5; got -"),
         (broken(describe=lambda self: {"when": np.arange(3)}), "describe gives what JSON can hold"),
-        (
-            broken(initial_memory=lambda self, s, t: np.zeros((len(s), 3))),
-            r"initial_memory has shape \(6, 2\); got \(6, 3\)",
-        ),
+        (broken(initial_memory=lambda self, s, t: np.zeros((len(s), 3))), r"initial_memory has shape \(6, 2\); got"),
         (broken(initial_memory=lambda self, s, t: np.full((len(s), 2), np.nan)), "initial_memory is finite"),
         (broken(inputs=lambda self, m: m[:, :1]), r"inputs has shape \(6, 2\); got \(6, 1\)"),
         (broken(inputs=lambda self, m: m), r"inputs are about in \[-1, 1\]"),
-        (
-            changed(lambda self, r, m, *given: (r[:, None], m)),
-            r"along gives rewards \(1, 6\) and memory \(6, 2\), for a step of 6 copies; got rewards \(1, 6, 1\)",
-        ),
-        (
-            changed(lambda self, r, m, *given: (r, np.hstack([m, m[:, :1]]))),
-            r"along gives rewards \(1, 6\) and memory \(6, 2\), .*; got rewards \(1, 6\) and memory \(6, 3\)",
-        ),
-        (
-            changed(lambda self, r, m, *given: (r + 0j, m)),
-            "rewards are an array of real numbers; got complex128",
-        ),
+        (changed(lambda self, r, m, *_: (r[:, None], m)), f"{SHAPES}, for a step of 6 copies; got {BATCH[:-2]}, 1"),
+        (changed(lambda self, r, m, *_: (r, np.hstack([m, m[:, :1]]))), rf"{SHAPES}, .*; got {BATCH} .* \(6, 3\)"),
+        (changed(lambda self, r, m, *_: (r + 0j, m)), "rewards are an array of real numbers; got complex128"),
         (
             broken(__init__=lambda self, specification: None),
-            r"the constructor calls super\(\).__init__\(specification\); got the constructor of Broken does not call",
+            r"the constructor calls super\(\).__init__\(spec.* not call",
         ),
         (changed(lambda self, r, m, *given: (r / 0, m)), "along is finite"),
         (changed(impure_step), "along is pure"),
@@ -149,10 +150,7 @@ def going_on(self: Any, signals: Any, action: Any, next_signals: Any, t: Any, me
         (latched(step=going_on), "nothing is paid after it is over"),
         (latched(step=unlatching), "what is over remains so"),
         (latched(counterfactual=lambda self, s, t, m, c: c[0]), r"counterfactual has shape \(6, 1\); got \(1,\)"),
-        (
-            latched(counterfactual=lambda self, s, t, m, c: c - c.mean()),
-            "counterfactual of a batch is that of its rows",
-        ),
+        (latched(counterfactual=lambda self, s, t, m, c: c - c.mean()), "counterfactual of a batch is that of its"),
         (latched(counterfactual=lambda self, s, t, m, c: m + 9), "inputs of a counterfactual memory are about in"),
     ],
 )
@@ -172,19 +170,19 @@ def test_a_method_that_refuses_every_formula_says_why() -> None:
 
 
 @pytest.mark.parametrize(
-    ("check", "message"),
+    ("check", "given", "message"),
     [
-        (lambda: check_method("funel[ginf=1]"), "no method 'funel'; did you mean 'funnel'?"),
-        (lambda: check_method("funnel[ginff=1]"), "funnel[ginff=1]: no parameter 'ginff'; did you mean 'ginf'?"),
-        (
-            lambda: check_method("funnel[shape=clipt]"),
-            "funnel[shape=clipt]: shape should be 'linear', 'clipped' or 'normalised', got 'clipt'",
-        ),
-        (lambda: check_method("funnel", "hold-disk"), "no task 'hold-disk'; did you mean 'hold-disc'?"),
-        (lambda: check_task("hold-disk"), "no task 'hold-disk'; did you mean 'hold-disc'?"),
+        (check_method, ["funel[ginf=1]"], "no method 'funel'; did you mean 'funnel'?"),
+        (check_method, ["funnel[ginff=1]"], "funnel[ginff=1]: no parameter 'ginff'; did you mean 'ginf'?"),
+        (check_method, ["funnel", "hold-disk"], "no task 'hold-disk'; did you mean 'hold-disc'?"),
+        (check_task, ["hold-disk"], "no task 'hold-disk'; did you mean 'hold-disc'?"),
+        (check_agent, ["dqm"], "no agent 'dqm'; did you mean 'dqn'?"),
+        (check_executor, ["locl"], "no executor 'locl'; did you mean 'local'?"),
     ],
 )
-def test_a_mistyped_choice_fails_and_says_what_there_is(check: Callable[[], None], message: str) -> None:
+def test_a_mistyped_choice_fails_and_says_what_there_is(
+    check: Callable[..., None], given: list[str], message: str
+) -> None:
     with pytest.raises(UsageError) as caught:
-        check()
+        check(*given)
     assert str(caught.value) == message

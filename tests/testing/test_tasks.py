@@ -104,10 +104,7 @@ def test_a_task_that_breaks_a_rule_is_told_which(
 @pytest.mark.parametrize(
     ("stated", "rule"),
     [
-        (
-            {"satisfied": 0.5, "action": [-1.0]},
-            r"baselines\.constant is what its action gets; .* satisfied: 0\.5; got 1",
-        ),
+        ({"satisfied": 0.5, "action": [-1.0]}, r"baselines\.constant is what its action gets; .*: 0\.5; got 1"),
         ({"satisfied": 1, "action": [-1.0, 0.0]}, r"baselines\.constant\.action has 1 numbers; got \(-1\.0, 0\.0\)"),
     ],
 )
