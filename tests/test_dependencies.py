@@ -53,12 +53,8 @@ def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported()
 
 
 def test_without_an_extra_every_plugin_can_be_listed() -> None:
-    program = (
-        "import sys\n"
-        f"sys.modules |= dict.fromkeys({EXTRAS})\n"
-        "from stlbench.registry import plugins\n"
-        "print([problem for kind in plugins.KINDS for problem in plugins.loadable(kind)[1]])"
-    )
+    program = f"import sys\nsys.modules |= dict.fromkeys({EXTRAS})\nfrom stlbench.registry import plugins\n"
+    program += "print([problem for kind in plugins.KINDS for problem in plugins.loadable(kind)[1]])"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "[]\n"
 

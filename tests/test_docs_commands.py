@@ -109,8 +109,7 @@ def test_built_in_plugins_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("page", "least"),
-    [("howto/environment.md", 15), ("howto/monitor.md", 6), ("explanation/robustness.md", 8)],
+    ("page", "least"), [("howto/environment.md", 15), ("howto/monitor.md", 6), ("explanation/robustness.md", 8)]
 )
 def test_the_examples_of_a_page(page: str, least: int) -> None:
     result = doctest.testfile(str(DOCS / page), module_relative=False)
@@ -143,22 +142,18 @@ def test_the_python_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     assert len(names["table"]) == 2
 
 
+def install(site: Callable[..., Path], page: str, file: str, **others: str) -> None:
+    """The distribution of a page: its first table of TOML, and its first code of Python in a file; with other files."""
+    (entries, *_), (code, *_) = (blocks(DOCS / f"howto/{page}.md", language) for language in ("toml", "python"))
+    text = re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", entries).replace('"', "")
+    site("docs-example", text, {file: code, **others})
+
+
 def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path], tmp_path: Path) -> None:
-    system, task, agent = (
-        blocks(DOCS / "howto/task.md", "python")[0],
-        blocks(DOCS / "howto/task.md", "yaml")[0],
-        blocks(DOCS / "howto/agent.md", "python")[0],
-    )
-    entries = blocks(DOCS / "howto/agent.md", "toml")[0]
-    site(
-        "docs-example",
-        re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", entries).replace('"', ""),
-        {
-            "cart-reach/system.py": system,
-            "cart-reach/task.yaml": task.replace("agents:\n", "agents:\n  random-search: {copies: 8}\n"),
-            "my_agents/random_search.py": agent,
-        },
-    )
+    system, task = (blocks(DOCS / "howto/task.md", language)[0] for language in ("python", "yaml"))
+    own = task.replace("agents:\n", "agents:\n  random-search: {copies: 8}\n")
+    others = {"cart-reach/system.py": system, "cart-reach/task.yaml": own}
+    install(site, "agent", "my_agents/random_search.py", **others)
     loaded = load_task(str(tmp_path / "cart-reach"))
     assert str(loaded.formula) == "F[0,40] G[0,10] abs(x - 1) <= 0.2"
     check_task("cart-reach")
@@ -188,13 +183,11 @@ def test_the_examples_on_an_environment(tmp_path: Path, monkeypatch: pytest.Monk
     page = DOCS / "howto/environment.md"
     steady, several = blocks(page, "yaml")
     held = yaml.safe_dump(HELD | {"agents": {"dqn": {}}, "budgets": yaml.safe_load(steady)["budgets"]})
-    for name, files in {
-        "steady-pole": {"task.yaml": steady},
-        "held-pole": {
-            "task.yaml": held,
-            "system.py": next(text for text in blocks(page, "python") if "GymTask" in text),
-        },
-    }.items():
+    system = next(text for text in blocks(page, "python") if "GymTask" in text)
+    for name, files in (
+        ("steady-pole", {"task.yaml": steady}),
+        ("held-pole", {"task.yaml": held, "system.py": system}),
+    ):
         (tmp_path / name).mkdir()
         for file, text in files.items():
             (tmp_path / name / file).write_text(text, encoding="utf-8")
@@ -207,16 +200,12 @@ def test_the_examples_on_an_environment(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_the_example_of_a_log(site: Callable[..., Path]) -> None:
-    page = DOCS / "howto/log.md"
-    entries = re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", blocks(page, "toml")[0]).replace('"', "")
-    site("docs-example", entries, {"my_logs/lines.py": blocks(page, "python")[0]})
+    install(site, "log", "my_logs/lines.py")
     check_log("lines")
 
 
 def test_the_example_of_an_executor(site: Callable[..., Path]) -> None:
-    page = DOCS / "howto/executor.md"
-    entries = re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", blocks(page, "toml")[0]).replace('"', "")
-    site("docs-example", entries, {"my_executors/inline.py": blocks(page, "python")[0]})
+    install(site, "executor", "my_executors/inline.py")
     executor = plugins.build("executors", choices.parse_choice("inline"), defaults={"jobs": 2})
     done, raised = executor.run(int, ["3", "x"], [1, 1])
     assert done == Outcome(0, "done", 3)

@@ -32,26 +32,14 @@ def command(tmp_path, monkeypatch):
 
 
 def bash(script: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        ["bash", str(script)],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    words, known = ["bash", str(script)], os.environ | environment
+    return subprocess.run(words, env=known, capture_output=True, text=True, check=False, timeout=60)
 
 
 def gate(tmp_path: Path, **changed: str) -> subprocess.CompletedProcess[str]:
     files = {name: str(tmp_path / name) for name in ("GITHUB_OUTPUT", "GITHUB_STEP_SUMMARY")}
-    inputs = {
-        "STLBENCH": "stlbench",
-        "REFERENCE": "a reference",
-        "AGAINST": "",
-        "BUDGET": "smoke",
-        "OPTIONS": "",
-        "RESULTS": "out",
-    }
+    inputs = {"STLBENCH": "stlbench", "REFERENCE": "a reference", "AGAINST": "", "BUDGET": "smoke", "OPTIONS": ""}
+    inputs |= {"RESULTS": "out"}
     return bash(ACTION / "gate.sh", **files, **(inputs | changed))
 
 
@@ -88,9 +76,8 @@ def test_costs_are_compared_with_the_base_of_a_pull_request(command, tmp_path) -
 
 def test_the_jobs_that_use_the_action_have_the_history_of_the_base() -> None:
     jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))["jobs"]
-    uses = [
-        job["steps"] for job in jobs.values() if any("actions/gate" in step.get("uses", "") for step in job["steps"])
-    ]
+    every = [job["steps"] for job in jobs.values()]
+    uses = [steps for steps in every if any("actions/gate" in step.get("uses", "") for step in steps)]
     assert uses
     assert all(any(step.get("with", {}).get("fetch-depth") == 0 for step in steps) for steps in uses)
 

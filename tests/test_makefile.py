@@ -23,19 +23,7 @@ def test_a_python_that_is_too_old(tmp_path: Path) -> None:
     assert f"{old} is older than Python 3.11, which stlbench needs" in _make(tmp_path, str(old))
 
 
-@pytest.mark.parametrize(
-    "target",
-    [
-        "run",
-        "test",
-        "quick",
-        "coverage",
-        "gate",
-        "soak",
-        "reproduce",
-        "docs",
-    ],
-)
+@pytest.mark.parametrize("target", ["run", "test", "quick", "coverage", "gate", "soak", "reproduce", "docs"])
 def test_every_target_names_files_that_are_there(target: str) -> None:
     dry = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)
     assert dry.returncode == 0, dry.stderr

@@ -22,9 +22,8 @@ TEXT = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
 
 
 def test_every_table_of_a_page_is_that_of_the_results() -> None:
-    done = subprocess.run(
-        [sys.executable, "studies/pages.py", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "studies/pages.py", "--check"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

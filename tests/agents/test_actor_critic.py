@@ -42,14 +42,10 @@ def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: in
     def normal(*size: int) -> Floats:
         return generator.normal(size=size).astype(dtype)
 
-    batch = Batch(
-        normal(ROWS, INPUTS),
-        generator.uniform(-1, 1, (ROWS, axes)).astype(dtype),
-        normal(ROWS),
-        normal(ROWS, INPUTS),
-        generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=ROWS),
-        np.array([-np.inf, np.inf], dtype),
-    )
+    observation, action = normal(ROWS, INPUTS), generator.uniform(-1, 1, (ROWS, axes)).astype(dtype)
+    returns, arrived = normal(ROWS), normal(ROWS, INPUTS)
+    discount = generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=ROWS)
+    batch = Batch(observation, action, returns, arrived, discount, np.array([-np.inf, np.inf], dtype))
     work = TD3Buffers.of(networks, ROWS, dtype)
     for part in (*work.actor[:-1], *work.critic[:-1], *work[2:]):
         part[:] = np.nan

@@ -51,8 +51,7 @@ def test_exploration_falls_linearly_and_then_stays() -> None:
     The network does not move, so an action that differs from the final policy's was drawn at random; of the
     273 random actions one is the greedy one.
     """
-    actions: list[Integers] = []
-    seen: list[np.ndarray] = []
+    actions, seen = list[Integers](), list[np.ndarray]()
 
     class Watched(BatchEnvironment):
         def reset(self) -> np.ndarray:

@@ -68,17 +68,10 @@ def case(shape: plain_q.Shape, double: bool, rows: int = ROWS, dtype: Any = np.f
     def normal(*size: int) -> Floats:
         return generator.normal(size=size).astype(dtype)
 
-    return Case(
-        0.4 * normal(size),
-        0.4 * normal(size),
-        network,
-        normal(rows, shape.inputs),
-        generator.integers(math.prod(shape.grid), size=rows),
-        normal(rows),
-        normal(rows, shape.inputs),
-        generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=rows),
-        double,
-    )
+    online, target, observation = 0.4 * normal(size), 0.4 * normal(size), normal(rows, shape.inputs)
+    action, returns = generator.integers(math.prod(shape.grid), size=rows), normal(rows)
+    arrived, discount = normal(rows, shape.inputs), generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=rows)
+    return Case(online, target, network, observation, action, returns, arrived, discount, double)
 
 
 def engine_of(shape: plain_q.Shape) -> Network:
@@ -172,10 +165,7 @@ class TestGradient:
 
 
 class TestAdam:
-    @pytest.mark.parametrize(
-        ("dtype", "bound"),
-        [(np.float64, 1e-12), (np.float32, 2e-4)],  # 300 sums in single precision
-    )
+    @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 2e-4)])  # 300 sums
     @pytest.mark.parametrize("max_norm", [0.5, 1e9], ids=["clipped", "free"])
     def test_against_torch(self, dtype: Any, bound: float, max_norm: float) -> None:
         """A fifth of the weights get no gradient, a fifth gets it only at the start, a fifth only now and then."""
@@ -300,10 +290,8 @@ class TestBestActions:
         if head == "additive":
             ends = np.cumsum(grid)[:-1]
             branches = np.split(outputs[:, 1:], ends, axis=1)
-            columns = [
-                sum(b[:, i] for b, i in zip(branches, action, strict=True)) for action in product(*map(range, grid))
-            ]
-            q = np.stack(columns, axis=1)
+            chosen = product(*map(range, grid))
+            q = np.stack([sum(b[:, i] for b, i in zip(branches, each, strict=True)) for each in chosen], axis=1)
         assert ((q == q.max(axis=1, keepdims=True)).sum(axis=1) > 1).mean() > 0.2
         assert np.array_equal(found, q.argmax(axis=1))
         assert np.array_equal(policy_of(shape, flat).act(x.astype(np.float64)), found)

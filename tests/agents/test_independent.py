@@ -83,12 +83,8 @@ def test_with_one_robot_it_is_dqn() -> None:
     task = load_task("hold-disc")
 
     def train(agent: DQN) -> Policy:
-        return agent.train(
-            Training(
-                lambda count: BatchEnvironment(task, build_method(task, "funnel"), count, 0),
-                800, 1, lambda policy, steps: None, 1,
-            )
-        )  # fmt: skip
+        make = lambda count: BatchEnvironment(task, build_method(task, "funnel"), count, 0)  # noqa: E731
+        return agent.train(Training(make, 800, 1, lambda policy, steps: None, 1))
 
     ours, theirs = train(DQNPerRobot()), train(DQN())
     assert isinstance(ours, GreedyPolicy)

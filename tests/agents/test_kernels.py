@@ -36,9 +36,7 @@ def callable_from_python(module: ModuleType) -> SimpleNamespace:
         product=njit(lambda a, b, bias, least, out: product(a, b, bias, least, out)),
         transposed=njit(lambda of: transposed(of)),
         inner_product=njit(lambda a, a_at, b, b_at, count: inner_product(a, a_at, b, b_at, count)),
-        inner_products=njit(
-            lambda a, at, rows, row, b, b_at, n, into: inner_products(a, at, rows, row, b, b_at, n, into)
-        ),
+        inner_products=njit(lambda a, at, m, row, b, b_at, n, into: inner_products(a, at, m, row, b, b_at, n, into)),
         copy_transposed=njit(lambda a, at, rows, columns, into: copy_transposed(a, at, rows, columns, into)),
     )
 

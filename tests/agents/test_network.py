@@ -83,14 +83,8 @@ def of(**changed):
 @pytest.mark.parametrize(
     "changed",
     [
-        {"widths": np.array([-2, 3])},
-        {"widths": np.array([2, 0])},
-        {"widths": np.array([2.0, 3.0])},
-        {"widths": np.array(2)},
-        {"widths": np.array([], np.int64)},
-        {"weights": np.zeros(16, np.float32)},
-        {"weights": np.zeros(17, np.float64)},
-        {"weights": np.zeros((1, 17), np.float32)},
+        *({"widths": np.array(each)} for each in ([-2, 3], [2, 0], [2.0, 3.0], 2, np.array([], np.int64))),
+        *({"weights": np.zeros(*each)} for each in ((16, np.float32), (17, np.float64), ((1, 17), np.float32))),
         {"grid": np.array([3])},
     ],
 )

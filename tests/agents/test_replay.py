@@ -159,8 +159,7 @@ def test_rewards_are_weighted_by_1_minus_gamma_where_that_is_not_0(gamma: float,
 
 
 @pytest.mark.parametrize(
-    ("gamma", "limit", "bounds"),
-    [(0.5, False, [2, 6]), (0.5, True, [0, 6]), (1.0, False, [-np.inf, np.inf])],
+    ("gamma", "limit", "bounds"), [(0.5, False, [2, 6]), (0.5, True, [0, 6]), (1.0, False, [-np.inf, np.inf])]
 )
 def test_values_are_bounded_by_the_rewards_that_were_seen(gamma: float, limit: bool, bounds: list[float]) -> None:
     """By 1 and 3, times the scale; by 0 too where nothing follows a limit. With gamma = 1 a value is a sum."""

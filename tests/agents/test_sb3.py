@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.line_task import Probe, line
+from helpers.line_task import REACH, Probe, line
 
 from stlbench.contract import Training
 from stlbench.simulation.environment import BatchEnvironment
@@ -17,13 +17,7 @@ from stlbench_agents.sb3 import SB3DQN, SB3PPO, SB3SAC, SB3TD3, SB3Agent
 from stlbench_agents.sb3_bridge import CopiesVecEnv
 
 SMALL: dict[str, Any] = {"net_arch": (8, 8), "copies": 4, "batch_size": 16}
-FILE: dict[str, Any] = {
-    "formula": "G[9,12] (abs(x - 1) <= 0.4)",
-    "steps": 12,
-    "initial": {"box": {"x": [-3, 3]}},
-    "starts": 32,
-    "actions": {"v": {"low": -1, "high": 2}},
-}
+FILE = REACH | {"actions": {"v": {"low": -1, "high": 2}}}
 """To within 0.4 of 1 after 8 of 12 steps of at most -0.5 or 1."""
 
 
@@ -34,12 +28,7 @@ def environment(count: int, task: str = "hold-disc", method: str = "funnel") -> 
 
 @pytest.mark.parametrize(
     "agent",
-    [
-        SB3DQN(**SMALL, learning_starts=20),
-        SB3TD3(**SMALL, learning_starts=20),
-        SB3SAC(**SMALL, learning_starts=20),
-        SB3PPO(**SMALL, n_steps=16),
-    ],
+    [*(kind(**SMALL, learning_starts=20) for kind in (SB3DQN, SB3TD3, SB3SAC)), SB3PPO(**SMALL, n_steps=16)],
     ids=lambda agent: type(agent).__name__,
 )
 def test_the_exported_policy_is_what_sb3_predicts(agent: SB3Agent) -> None:

@@ -65,10 +65,7 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
     for which, constant in enumerate(constants):
         parts = views(made.critics.target, made.networks.critics[which])
         # through two ReLU layers: relu(1 + sum of action) comes out as it is
-        parts[0][INPUTS:, 0] = 1
-        parts[1][0] = 1
-        parts[2][0, 0] = 1
-        parts[4][0, 0] = 1
+        parts[0][INPUTS:, 0] = parts[1][0] = parts[2][0, 0] = parts[4][0, 0] = 1
         parts[5][0] = constant
     noise = np.array([[1.0, 0.1], [0.0, 0.0]])  # 0.5 clipped to 0.2, and 0.05
     first, second = np.tanh(0.5) + 0.2, min(np.tanh(3.0) + 0.05, 1.0)
@@ -76,17 +73,13 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
     assert goal == pytest.approx([0.5 + 0.5 * (1 + 1 + first + second), -2], rel=1e-6)
 
 
-def test_targets_lie_among_the_rewards_that_were_seen() -> None:
-    made = new(reward_scale=2.0)
+@pytest.mark.parametrize(("recipe", "expected"), [({"reward_scale": 2.0}, [-0.6, 0.4]), ({"gamma": 1}, [-50, 50])])
+def test_targets_lie_among_the_rewards_that_were_seen(recipe: dict[str, float], expected: list[float]) -> None:
+    """With gamma = 1 they are sums of rewards, and know no bounds."""
+    made = new(**recipe)
     made.replay.widen(np.array([0.1, 0.2]))
     made.replay.widen(np.array([-0.3, 0.0]))
-    assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx([-0.6, 0.4])
-
-
-def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
-    made = new(gamma=1)
-    made.replay.widen(np.array([0.1, 0.2]))
-    assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == [-50, 50]
+    assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx(expected)
 
 
 def test_the_actor_moves_every_second_update_and_targets_with_it() -> None:
@@ -188,9 +181,8 @@ def test_a_training_that_resumes_has_the_earlier_actor_which_rests_at_first() ->
     resumed.resume(earlier)
     seen = np.random.default_rng(1).normal(size=(5, INPUTS))
     np.testing.assert_array_equal(resumed.policy().act(seen), earlier.act(seen))
-    np.testing.assert_allclose(
-        BOX.low + (resumed.explored(seen, np.zeros((5, 2))) + 1) / 2 * np.array([2, 4]), earlier.act(seen), rtol=1e-5
-    )
+    explored = resumed.explored(seen, np.zeros((5, 2)))
+    np.testing.assert_allclose(BOX.low + (explored + 1) / 2 * np.array([2, 4]), earlier.act(seen), rtol=1e-5)
     resumed.replay.widen(np.array([-100.0, 100.0]))
     critics = resumed.critics.online.copy()
     resumed.update(*drawn(resumed.schedule.still))

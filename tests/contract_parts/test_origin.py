@@ -33,20 +33,15 @@ def test_this_package_is_ours() -> None:
     assert stlbench.DISTRIBUTION == "stlbench-rl"
 
 
-def test_the_message_says_where_the_other_lies_and_how_to_mend_it() -> None:
+@pytest.mark.parametrize("file", ["/somewhere/stlbench/__init__.py", None])
+def test_the_message_says_where_the_other_lies_and_how_to_mend_it(file: str | None) -> None:
+    """Without a file the other was uninstalled: its `__init__` and ours are gone, and a namespace is left."""
     other = ModuleType("stlbench")
-    other.__file__ = "/somewhere/stlbench/__init__.py"
+    other.__file__, other.__path__ = file, ["/somewhere/stlbench"]
     assert foreign(other) == (
         "the package stlbench in /somewhere/stlbench is not that of stlbench-rl: the distribution 'stlbench' is "
         "another project; pip uninstall stlbench, then pip install --force-reinstall --no-deps stlbench-rl"
     )
-
-
-def test_what_is_left_when_the_other_is_uninstalled() -> None:
-    """Its `__init__` is gone, and ours with it: Python makes a namespace of the folder."""
-    left = ModuleType("stlbench")
-    left.__file__, left.__path__ = None, ["/somewhere/stlbench"]
-    assert "the package stlbench in /somewhere/stlbench is not that of stlbench-rl" in str(foreign(left))
 
 
 def test_the_command_says_so_in_one_line(mixed: Path) -> None:

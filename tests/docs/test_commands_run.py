@@ -52,11 +52,7 @@ GIVEN: dict[str, Sequence[Callable[[Path], None]]] = {
     "docs/howto/share.md": [given.reference, partial(given.bundles, theirs="other")],
     "docs/howto/task.md": [given.own_task],
     "docs/reference/command-line.md": [
-        given.example,
-        given.policies,
-        given.machines,
-        given.bundles,
-        given.reference,
+        *(given.example, given.policies, given.machines, given.bundles, given.reference),
         partial(given.committed, "reference", '"task": "hold-disc"'),
         partial(given.committed, "ablation", '"task": "overlap[without=cuts]"'),
     ],

@@ -68,9 +68,8 @@ def test_it_keeps_them_on_a_cluster(two: Cluster) -> None:
 
 def test_all_workers_are_used_where_no_number_of_jobs_is_said(two: Cluster, tmp_path: Path) -> None:
     (tmp_path / "2").mkdir()
-    found = DaskExecutor(address=two.address).run(
-        victims.meet, [str(tmp_path / "2" / name) for name in "ab"], [600.0] * 2
-    )
+    items = [str(tmp_path / "2" / name) for name in "ab"]
+    found = DaskExecutor(address=two.address).run(victims.meet, items, [600.0] * 2)
     assert {outcome.value for outcome in found} == {"a", "b"}
 
 
@@ -166,15 +165,12 @@ def test_where_the_parent_is_interrupted_or_killed_what_runs_ends_and_what_is_qu
 
 def test_a_scheduler_that_ends_is_told_and_nothing_goes_on(tmp_path: Path) -> None:
     with cluster(tmp_path / "cluster", workers=2) as made:
-        with closing(
-            DaskExecutor(address=made.address).run(victims.leave_pid, [None, tmp_path / "a"], [600.0] * 2)
-        ) as run:
+        items = [None, tmp_path / "a"]
+        with closing(DaskExecutor(address=made.address).run(victims.leave_pid, items, [600.0] * 2)) as run:
             assert next(run).status == "done"
             wait_for(lambda: (tmp_path / "a").exists() and (tmp_path / "a").read_text())
             made.scheduler.kill()
-            with pytest.raises(
-                Unsuitable, match="the Dask scheduler does not answer any more; what ended before is rec"
-            ):
+            with pytest.raises(Unsuitable, match="the Dask scheduler does not answer any more; what ended before is"):
                 next(run)
         wait_for(lambda: not alive(int((tmp_path / "a").read_text())))
 
@@ -182,11 +178,7 @@ def test_a_scheduler_that_ends_is_told_and_nothing_goes_on(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("entry", "version", "said"),
     [
-        (
-            "stlbench.methods",
-            "1.2",
-            "more-methods is 1.2 there, and here not installed; install the same versions there",
-        ),
+        ("stlbench.methods", "1.2", "more-methods is 1.2 there, and here not installed; install the same versions"),
         ("console_scripts", "1.2", ""),
     ],
 )
@@ -219,9 +211,7 @@ def test_an_address_without_a_port_is_refused_at_once(address: str) -> None:
 
 def test_where_no_scheduler_answers_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stlbench_executors.dask.CONNECT_SECONDS", 0.5)
-    with pytest.raises(
-        Unsuitable, match=r"^no Dask scheduler answers at tcp://127.0.0.1:9; start one there by `dask sch"
-    ):
+    with pytest.raises(Unsuitable, match=r"^no Dask scheduler answers at tcp://127.0.0.1:9; start one there by `dask"):
         list(DaskExecutor(address="tcp://127.0.0.1:9").run(victims.work, ["a"], [60.0]))
 
 

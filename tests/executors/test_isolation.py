@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from executors.test_local import alive, outcomes, until
+from executors.test_local import alive, outcomes
 from helpers import victims
+from helpers.waiting import wait_for
 
 from stlbench.contract import Work
 from stlbench_executors import supervisor
@@ -113,7 +114,7 @@ def test_closing_ends_what_runs_and_leaves_no_process(tmp_path):
     before = psutil.Process().children(recursive=True)
     running = LocalExecutor(jobs=2).run(victims.leave_pid, [tmp_path / "a", None], [600.0] * 2)
     assert next(running).index == 1
-    assert until(lambda: (tmp_path / "a").exists() and (tmp_path / "a").read_text())
+    wait_for(lambda: (tmp_path / "a").exists() and (tmp_path / "a").read_text())
     started = [process for process in psutil.Process().children(recursive=True) if process not in before]
     started = [process for process in started if "resource_tracker" not in " ".join(process.cmdline())]
     assert len(started) == 4  # a server, two keepers, an item

@@ -6,11 +6,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from helpers import victims
+from helpers.waiting import wait_for
 
 from stlbench.contract import Outcome
 from stlbench_executors.local import LocalExecutor
@@ -27,13 +27,6 @@ def alive(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
     except (FileNotFoundError, ProcessLookupError):  # the latter where it ends between opening and reading
         return False
-
-
-def until(condition, seconds=60.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.05)
-    return bool(condition())
 
 
 def test_each_item_ends_in_its_own_way_and_the_others_are_done():
@@ -91,7 +84,7 @@ def test_an_idle_supervisor_that_is_killed_is_replaced():
     running = LocalExecutor(jobs=1).run(victims.slow_parent, range(2), [60.0, 60.0])
     first = next(running).value
     os.kill(first, signal.SIGKILL)
-    assert until(lambda: not alive(first))
+    wait_for(lambda: not alive(first))
     second = next(running)
     assert second.status == "done"
     assert second.value != first
@@ -126,6 +119,7 @@ PROGRAM = """
 import signal, sys
 from pathlib import Path
 from helpers import victims
+from helpers.waiting import wait_for
 from stlbench_executors.local import LocalExecutor
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
 folder = Path(sys.argv[1])
@@ -152,11 +146,10 @@ def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sen
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    parent = subprocess.Popen(
-        [sys.executable, program, tmp_path], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    command = [sys.executable, program, tmp_path]
+    parent = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
     files = [tmp_path / "a", tmp_path / "b"]
-    assert until(lambda: all(file.exists() and file.read_text() for file in files))
+    wait_for(lambda: all(file.exists() and file.read_text() for file in files))
     workers = [int(file.read_text()) for file in files]
     assert all(map(alive, workers))
     if sent == signal.SIGINT:
@@ -165,13 +158,14 @@ def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sen
         parent.kill()
     _, errors = parent.communicate(timeout=60)
     assert parent.returncode == code
-    assert until(lambda: not any(map(alive, workers)))
+    wait_for(lambda: not any(map(alive, workers)))
     assert errors.count("Traceback") <= 1, "only the parent's own KeyboardInterrupt"
 
 
 UNABLE = """
 from stlbench_executors import local, pool
 from helpers import victims
+from helpers.waiting import wait_for
 pool.START_SECONDS = {seconds}
 for outcome in local.LocalExecutor(jobs=2).run(victims.pid, [0, 1, 2], [600.0] * 3):
     print(outcome.index, outcome.status, outcome.reason)
@@ -207,10 +201,8 @@ def test_a_deadline_is_required(deadlines):
 
 
 def test_without_posix_signals_it_says_what_it_needs():
-    program = (
-        "import signal; del signal.pthread_sigmask\n"
-        "from stlbench.registry import plugins; plugins.find('executors', 'local').load()"
-    )
+    program = "import signal; del signal.pthread_sigmask\nfrom stlbench.registry import plugins\n"
+    program += "plugins.find('executors', 'local').load()"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert "ImportError: stopping workers needs POSIX signals: Linux, macOS, or WSL" in ran.stderr.splitlines()[-1]
     assert "executor 'local' of stlbench-rl" in ran.stderr.splitlines()[-1]

@@ -45,12 +45,8 @@ TRACES, SIGNALS = np.linspace(-1, 0.75, 10).reshape(2, 5, 1), np.array(["x"])
 GOOD = _packed(traces=TRACES, signals=SIGNALS)
 WITH_STATES = _packed(traces=TRACES, signals=SIGNALS, extremes=np.array([0, 1]), states=TRACES)
 ODD = [np.array(each) for each in (None, "x", [b"x"], [1j], [{}, {}], 7, [["x"]])]
-ODD += [
-    np.zeros((0, 5, 1)),
-    np.zeros((2, 5, 1), "M8[s]"),
-    np.full((2, 5, 1), np.nan),
-    np.zeros((2, 5, 1), [("a", "f8")]),
-]
+ODD += [np.zeros((0, 5, 1)), np.full((2, 5, 1), np.nan)]
+ODD += [np.zeros((2, 5, 1), kind) for kind in ("M8[s]", [("a", "f8")])]
 ANY = st.sampled_from([TRACES, SIGNALS, *ODD])
 ARRAYS = st.one_of(
     damaged([GOOD, WITH_STATES]),

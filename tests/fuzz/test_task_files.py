@@ -36,9 +36,8 @@ def _with(values: dict[str, str]) -> bytes:
     """The task file with other values, as text, for some of its keys."""
     lines = [f"{key}: {values[key]}" if (key := line.partition(":")[0]) in values else line for line in LINES]
     kept = [line for index, line in enumerate(lines) if not _is_below_a_replaced(lines, index, values)]
-    added = [
-        f"{key}: {value}" for key, value in values.items() if not any(line.startswith(f"{key}:") for line in LINES)
-    ]
+    known = {line.partition(":")[0] for line in LINES}
+    added = [f"{key}: {value}" for key, value in values.items() if key not in known]
     return "\n".join(kept + added).encode("utf-8", "surrogatepass")
 
 
@@ -90,11 +89,10 @@ def test_a_folder_is_a_task_or_is_refused(say, examples):
 
 STUDY = b"tasks: toy-line\nmethods: [toy-raw]\nagents: [toy-agent]\nseeds: 0-3\nbudget: quick\nexecutor: toy-here\n"
 KEYS = ["tasks", "methods", "agents", "seeds", "budget", "track", "recipes", "jobs", "memory", "results", "executor"]
+ENTRIES = st.sampled_from([*ODD_VALUES, "[toy-raw, toy-raw]", "{a: [toy-line]}", "toy-line"])
 STUDIES = st.one_of(
     damaged(STUDY),
-    st.dictionaries(
-        st.sampled_from(KEYS), st.sampled_from([*ODD_VALUES, "[toy-raw, toy-raw]", "{a: [toy-line]}", "toy-line"])
-    ).map(
+    st.dictionaries(st.sampled_from(KEYS), ENTRIES).map(
         lambda values: "\n".join(f"{key}: {value}" for key, value in values.items()).encode("utf-8", "surrogatepass")
     ),
 )

@@ -13,11 +13,7 @@ from stlbench.contract import Array, RewardMethod, Specification
 
 
 def specification(
-    formula: str,
-    box: Mapping[str, tuple[float, float]],
-    *,
-    steps: int | None = None,
-    nested: str | None = None,
+    formula: str, box: Mapping[str, tuple[float, float]], *, steps: int | None = None, nested: str | None = None
 ) -> Specification:
     """What a method knows: `box` is signal -> (low, high); an episode lasts as long as the formula by default."""
     parsed = stl.parse(formula)
@@ -41,14 +37,10 @@ def run(method: RewardMethod, traces: ArrayLike) -> tuple[Array, Array]:
     if traces.ndim == 1:
         traces = traces[None, :, None]
     rows, samples, _ = traces.shape
-    rewards, memories = (
-        np.full((rows, samples), np.nan),
-        [method.initial_memory(traces[:, 0], np.zeros(rows, dtype=np.int64))],
-    )
+    rewards, action = np.full((rows, samples), np.nan), np.zeros((rows, 1))
+    memories = [method.initial_memory(traces[:, 0], np.zeros(rows, dtype=np.int64))]
     for t in range(samples - 1):
-        reward, memory = one_step(
-            method, traces[:, t], np.zeros((rows, 1)), traces[:, t + 1], np.full(rows, t), memories[-1]
-        )
-        rewards[:, t + 1] = reward
+        now, after = np.full(rows, t), traces[:, t + 1]
+        rewards[:, t + 1], memory = one_step(method, traces[:, t], action, after, now, memories[-1])
         memories.append(memory)
     return rewards, np.stack(memories, axis=1)

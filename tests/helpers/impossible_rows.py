@@ -20,18 +20,14 @@ from stlbench.records.rows import checksum_of
 Place = tuple[str | int, ...]
 FORMULA = ("measurement", "selected", "formula")
 DELETED = object()
+SUMMARY = {"mean": 0.1, "minimum": 0.0, "satisfaction": 1.0}
+NO_START: dict[Place, Any] = {(*FORMULA, "robustness"): [], (*FORMULA, "satisfied"): []}
 IMPOSSIBLE: dict[str, dict[Place, Any]] = {
-    "no robustness of any start": {(*FORMULA, "robustness"): [], (*FORMULA, "satisfied"): []},
+    "no robustness of any start": NO_START,
     "fewer verdicts than starts": {(*FORMULA, "satisfied"): [True]},
     "robustness that is no number": {(*FORMULA, "robustness"): [float("nan"), 0.4]},
-    "starts beside their summary": {
-        (*FORMULA, "summary"): {"mean": 0.1, "minimum": 0.0, "satisfaction": 1.0, "starts": 2}
-    },
-    "a summary of no start": {
-        (*FORMULA, "robustness"): [],
-        (*FORMULA, "satisfied"): [],
-        (*FORMULA, "summary"): {"mean": 0.1, "minimum": 0.0, "satisfaction": 1.0, "starts": 0},
-    },
+    "starts beside their summary": {(*FORMULA, "summary"): SUMMARY | {"starts": 2}},
+    "a summary of no start": NO_START | {(*FORMULA, "summary"): SUMMARY | {"starts": 0}},
     "a conjunct that failed first from no start": {(*FORMULA, "first_failed"): {"x > 0": 0}},
     "more failures than starts": {(*FORMULA, "first_failed"): {"x > 0": 3}},
     "no score by the formula": {("measurement", "selected"): {}},

@@ -74,9 +74,7 @@ def drawn_values(plan: Plan, generator: np.random.Generator, last: int) -> tuple
     The rows are differences: the longest ways between the variables tell how far apart these have to be.
     """
     count = plan.variables
-    apart = np.full(
-        (count + 1, count + 1), -np.inf
-    )  # [i, j]: variable j is at least so many steps after i; the last is 0
+    apart = np.full((count + 1, count + 1), -np.inf)  # [i, j]: j is at least so many steps after i; the last is 0
     np.fill_diagonal(apart, 0.0)
     apart[count, :count] = 0.0
     apart[:count, count] = -last - 1.0
@@ -144,9 +142,8 @@ def satisfying_trace(
     shares = generator.choice([0.02, 0.1, 0.5, 0.9, 0.98], len(names))
     likely = np.where(samples > 0, shares, 1 - shares).prod(axis=1)
     # a draw by likelihood, or nearly the likeliest sample
-    noise = (
-        -1 / np.log(generator.random(allowed.shape)) if generator.random() < 0.5 else generator.random(allowed.shape)
-    )
+    is_drawn, noise = generator.random() < 0.5, generator.random(allowed.shape)
+    noise = -1 / np.log(noise) if is_drawn else noise
     chosen: Traces = samples[np.where(allowed, likely * noise, -1.0).argmax(axis=1)]
     return chosen
 

@@ -25,15 +25,9 @@ def measurement(
 ) -> Measurement:
     """What a finished cell measured, from the robustness of its starts."""
     values: dict[str, Any] = {
-        "selected_steps": 2000,
+        **{"selected_steps": 2000, "env_steps": 2000, "reward_nanoseconds": 21.0, "inputs_added": 0},
         "curve": (CurvePoint(1000, 1.0, 0.5, -0.1, 16), CurvePoint(2000, 2.0, 1.0, 0.3, 64)),
-        "training_cpu_seconds": 10.0,
-        "training_wall_seconds": 12.0,
-        "cpu_seconds": 14.0,
-        "wall_seconds": 16.0,
-        "env_steps": 2000,
-        "reward_nanoseconds": 21.0,
-        "inputs_added": 0,
+        **{"training_cpu_seconds": 10.0, "training_wall_seconds": 12.0, "cpu_seconds": 14.0, "wall_seconds": 16.0},
     } | numbers
     others = {name: score(entry) for name, entry in (further or {}).items()}
     return Measurement(

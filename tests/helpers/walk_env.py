@@ -26,11 +26,8 @@ class Walk(gymnasium.Env[Any, Any]):
         self.render_mode = "rgb_array"
         self.wall, self.noise, self.kind, self.x = wall, noise, kind, 0.0
         line, mirror = Box(-50.0, 50.0, (2,), np.float32), Box(-50.0, 50.0, (1,), np.float32)
-        spaces = {
-            "vector": line,
-            "dict": Dict({"place": line, "mirror": mirror}),
-            "picture": Box(0, 255, (4, 4, 3), np.uint8),
-        }
+        places, picture = Dict({"place": line, "mirror": mirror}), Box(0, 255, (4, 4, 3), np.uint8)
+        spaces = {"vector": line, "dict": places, "picture": picture}
         self.observation_space, self.action_space = spaces[kind], Discrete(3)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:

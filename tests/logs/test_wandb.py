@@ -61,16 +61,8 @@ def test_a_cell_is_a_run(tmp_path: Path, runs: list[Run]) -> None:
 
     log = WandB(project="funnels", mode="offline")
     log.begin(tmp_path / "study", (CELL,))
-    log.ended(
-        LoggedCell(
-            CELL,
-            "quick",
-            "done",
-            "",
-            {"robustness": 0.3},
-            (LoggedCheckpoint(CELL, 1000, 1.0, 0.2), LoggedCheckpoint(CELL, 2000, 1.0, float("nan"))),
-        )
-    )
+    curve = (LoggedCheckpoint(CELL, 1000, 1.0, 0.2), LoggedCheckpoint(CELL, 2000, 1.0, float("nan")))
+    log.ended(LoggedCell(CELL, "quick", "done", "", {"robustness": 0.3}, curve))
     log.end()
     (run,) = runs
     said = {key: run.words[key] for key in ("project", "group", "name", "mode", "entity")}

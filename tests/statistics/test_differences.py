@@ -41,10 +41,8 @@ def test_the_interval_is_that_of_scipys_welch_test():
 
 def test_a_complete_separation_of_ten_seeds_is_decided_among_a_hundred_pairs_whatever_the_tail():
     """Welch's test alone had p = 0.03 here: the seeds that failed have a tail. So it was on `cartpole`."""
-    failed, learned = (
-        [-0.1, -0.2, -0.2, -0.3, -0.3, -0.4, -0.5, -0.8, -2.0, -6.0],
-        [0.09 + 0.001 * i for i in range(10)],
-    )
+    failed = [-0.1, -0.2, -0.2, -0.3, -0.3, -0.4, -0.5, -0.8, -2.0, -6.0]
+    learned = [0.09 + 0.001 * i for i in range(10)]
     pair = Pair(failed, learned, learned=([False] * 10, [True] * 10))
     assert stats.ttest_ind(failed, learned, equal_var=False).pvalue > 0.05
     found, *_ = differences([pair, *[Pair(NORMAL, NORMAL)] * 99])

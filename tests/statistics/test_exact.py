@@ -92,9 +92,7 @@ def test_of_many_seeds_deals_are_drawn_and_the_answer_is_close_to_that_of_scipy(
 
 def failing(share, good=0.1, bad=0.5):
     """Seeds near 1, but for a share of them near -1."""
-    return lambda generator, n: np.where(
-        generator.random(n) < share, generator.normal(-1, bad, n), generator.normal(1, good, n)
-    )
+    return lambda draw, n: np.where(draw.random(n) < share, draw.normal(-1, bad, n), draw.normal(1, good, n))
 
 
 ALIKE = {

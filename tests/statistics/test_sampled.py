@@ -10,10 +10,7 @@ from scipy import stats
 from stlbench.statistics import across
 from stlbench.statistics.across import Ranking, ranking
 
-TASKS = [
-    np.array(seeds)
-    for seeds in ([0.1, 0.3], [0.4, 0.8], [0.9, 0.7], [0.2, 0.2], [1.0, 0.6], [0.5, 0.5], [0, 1], [0.3, 0.4])
-]
+TASKS = [*np.array([[0.1, 0.3], [0.4, 0.8], [0.9, 0.7], [0.2, 0.2], [1, 0.6], [0.5, 0.5], [0, 1], [0.3, 0.4]])]
 
 
 def test_every_task_has_the_same_weight_however_many_seeds_it_has() -> None:
@@ -21,12 +18,9 @@ def test_every_task_has_the_same_weight_however_many_seeds_it_has() -> None:
     assert across.sample_difference([np.array([1.0, 0.0])], [np.array([0.25])]).value == 0.25
 
 
-def test_fewer_than_eight_tasks_have_no_interval() -> None:
+def test_fewer_than_eight_tasks_have_no_interval_and_the_order_of_seeds_changes_nothing() -> None:
     assert across.sample_mean(TASKS[:7]).interval is None
     assert across.sample_mean(TASKS).interval is not None
-
-
-def test_the_order_of_seeds_changes_nothing() -> None:
     assert across.sample_mean([seeds[::-1] for seeds in TASKS]) == across.sample_mean(TASKS)
 
 
@@ -39,9 +33,8 @@ def test_tasks_without_scatter_of_seeds_have_an_interval_about_as_wide_as_studen
 
 def test_both_methods_are_drawn_the_same_tasks() -> None:
     """Tasks differ by up to 1, and the methods by .2 on each."""
-    ends = across.sample_difference(
-        [np.full(2, at + 0.2) for at in range(8)], [np.full(2, float(at)) for at in range(8)]
-    )
+    more, less = ([np.full(2, at + gain) for at in range(8)] for gain in (0.2, 0.0))
+    ends = across.sample_difference(more, less)
     assert ends.value == pytest.approx(0.2)
     assert ends.interval == pytest.approx((0.2, 0.2))
 

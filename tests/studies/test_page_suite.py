@@ -14,14 +14,8 @@ def page() -> ModuleType:
 
 
 def test_the_columns_of_a_method_have_their_intervals(page: ModuleType) -> None:
-    row = {
-        "learned [%]": "54.5",
-        "learned 95 % interval low [%]": "18.2",
-        "learned 95 % interval high [%]": "90.9",
-        "score": "0.857",
-        "score 95 % interval low": "0.73",
-        "score 95 % interval high": "0.945",
-    }
+    row = {"learned [%]": "54.5", "learned 95 % interval low [%]": "18.2", "learned 95 % interval high [%]": "90.9"}
+    row |= {"score": "0.857", "score 95 % interval low": "0.73", "score 95 % interval high": "0.945"}
     assert page._told(row) == ("54 % [18, 91]", "0.86 [0.73, 0.94]")
     alone = {name: "" if "interval" in name else text for name, text in row.items()}
     assert page._told(alone) == ("54 %", "0.86")
@@ -35,24 +29,15 @@ def test_methods_are_compared_on_common_tasks(page: ModuleType, monkeypatch: pyt
 
     def row(method: str, fits: str, learned: str, own: str) -> dict[str, str]:
         numbers = {"learned [%]": learned, "score": "0.5" if learned else ""}
-        ends = {
-            f"{name} 95 % interval {end}{unit}": ""
-            for name, unit in (("learned", " [%]"), ("score", ""))
-            for end in ("low", "high")
-        }
+        places = ((name, end) for name in ("learned", "score") for end in ("low", "high"))
+        ends = {f"{name} 95 % interval {end}{' [%]' * (name == 'learned')}": "" for name, end in places}
         return {"by": "all", "method": method, "fits": fits, "learned of all it fits [%]": own} | numbers | ends
 
+    rows = ("wide", "4 of 4", "100", "50"), ("half", "2 of 4", "75", "75"), ("few", "1 of 4", "", "100")
+    fits = {"wide": "abcd", "half": "ab", "few": "d"}
     tables = {
-        "cells": [
-            *(cell(task, "wide") for task in "abcd"),
-            *(cell(task, "half") for task in "ab"),
-            cell("d", "few"),
-        ],
-        "groups": [
-            row("wide", "4 of 4", "100", "50"),
-            row("half", "2 of 4", "75", "75"),
-            row("few", "1 of 4", "", "100"),
-        ],
+        "cells": [cell(task, method) for method in fits for task in fits[method]],
+        "groups": [row(*r) for r in rows],
     }
     monkeypatch.setattr(page.recorded, "table", lambda _, name: tables[name])
     header, _, *body = page.methods("any").splitlines()
@@ -69,22 +54,9 @@ def test_one_policy_for_many_formulas_stands_beside_policies_for_each(
 ) -> None:
     """The score is 0 at random and 1 at the witness; steps are counted in those of the least training."""
 
-    def row(formulas: str, steps: str, satisfied: str, robustness: str) -> dict[str, str]:
-        return {
-            "pair": "pair/reach",
-            "formulas": formulas,
-            "steps": steps,
-            "satisfied": satisfied,
-            "robustness": robustness,
-            "test": "suite-pair-reach-1",
-        }
-
-    rows = [
-        row("1", "100", "0", "-1"),
-        row("1", "400", "1", "1"),
-        row("8", "400", "0.5", "0"),
-        row("32", "400", "1", "0"),
-    ]
+    columns = ("pair", "test", "formulas", "steps", "satisfied", "robustness")
+    numbers = ("1 100 0 -1", "1 400 1 1", "8 400 0.5 0", "32 400 1 0", "32 400 0 1")
+    rows = [dict(zip(columns, ("pair/reach", "suite-pair-reach-1", *row.split()), strict=True)) for row in numbers]
     monkeypatch.setattr(page.recorded, "_ends", lambda task: (-1.0, 1.0))
-    monkeypatch.setattr(page.recorded, "table", lambda *_: [*rows, row("32", "400", "0", "1")])
+    monkeypatch.setattr(page.recorded, "table", lambda *_: rows)
     assert page.many().splitlines()[-1] == "| `pair/reach` | 0 %, 0.00 | 100 %, 1.00 | 50 %, 0.50 | 50 %, 0.75 |"

@@ -16,19 +16,14 @@ def paired() -> ModuleType:
 def cells(more: list[float]) -> list[dict[str, str]]:
     """One method that has so much more than `raw` on each task, in two seeds; and one that takes the first alone."""
     rows = [("raw", 0.0, 0.2, n) for n in range(len(more))] + [("funnel", each, 1.0, n) for n, each in enumerate(more)]
-    return [
-        {
-            "task": f"suite-arm-{template}-{n}",
-            "method": method,
-            "template": template,
-            "status": status,
-            "robustness_mean": str(value + offset),
-            "satisfaction": str(share),
-        }
+    columns = ("task", "method", "template", "status", "robustness_mean", "satisfaction")
+    values = (
+        (f"suite-arm-{template}-{n}", method, template, status, str(value + offset), str(share))
         for template in ("tube", "overlap")
         for method, value, share, n in [*rows, ("flag", 5.0, 1.0, 0)]
         for offset, status in ((-0.1, "done"), (0.1, "done"), (9.0, "raised"))
-    ]
+    )
+    return [dict(zip(columns, row, strict=True)) for row in values]
 
 
 def given(paired: ModuleType, monkeypatch: pytest.MonkeyPatch, more: list[float]) -> None:

@@ -33,15 +33,11 @@ def test_the_sources_of_differences(answers: ModuleType) -> None:
     assert sum(shares.values()) == pytest.approx(1)
     assert shares["method"] == pytest.approx(1)
     level = {"reach": 0.9, "patrol": 0.4, "tube": 0.1}
-    by_template = [
-        task(answers, f"{system}/{template}/1", **dict.fromkeys(answers.SHOWN, level[template]))
-        for system, template in pairs
-    ]
+    same = {template: dict.fromkeys(answers.SHOWN, value) for template, value in level.items()}
+    by_template = [task(answers, f"{system}/{template}/1", **same[template]) for system, template in pairs]
     assert answers._shares(by_template)["template"] == pytest.approx(1)
-    by_pair = [
-        task(answers, f"{system}/{template}/1", **dict.fromkeys(answers.SHOWN, 0.0) | {"raw": float(system == "arm")})
-        for system, template in pairs
-    ]
+    none = dict.fromkeys(answers.SHOWN, 0.0)
+    by_pair = [task(answers, f"{one}/{form}/1", **none | {"raw": float(one == "arm")}) for one, form in pairs]
     shares, methods = answers._shares(by_pair), len(answers.SHOWN)
     by_hand = {"system": 1, "method": methods - 1, "method and system": methods - 1}  # of 2 m - 1 parts
     assert {source: shares[source] * (2 * methods - 1) for source in by_hand} == pytest.approx(by_hand)
@@ -50,16 +46,10 @@ def test_the_sources_of_differences(answers: ModuleType) -> None:
 def test_seeds_that_scatter_explain_nothing_but_themselves(answers: ModuleType) -> None:
     """Means of two seeds scatter by half of the variance of seeds, which would count for `method and task`."""
     generator = np.random.default_rng(0)
-    tasks = [
-        answers.Drawn(
-            f"{system}/{template}/{number}",
-            stl.parse("F[0,9] x >= 1"),
-            {method: tuple(generator.normal(size=2)) for method in answers.SHOWN},
-        )
-        for system in ("arm", "pair")
-        for template in ("reach", "patrol", "tube")
-        for number in range(10)
-    ]
+    names = [f"{one}/{form}/{n}" for one in ("arm", "pair") for form in ("reach", "patrol", "tube") for n in range(10)]
+    scores = [{method: tuple(generator.normal(size=2)) for method in answers.SHOWN} for _ in names]
+    formula = stl.parse("F[0,9] x >= 1")
+    tasks = [answers.Drawn(name, formula, own) for name, own in zip(names, scores, strict=True)]
     shares = answers._shares(tasks)
     assert shares["seed"] > 0.9
     assert shares["method and task"] < 0.06

@@ -13,16 +13,8 @@ from stlbench.records.result_files import LINES
 from stlbench.registry import named_tasks, plugins
 
 ROOT = Path(__file__).parents[2]
-REPORTED = {
-    "suite-fresh-schedules",
-    "suite-schedules",
-    "suite-schedules-long",
-    "suite-quick",
-    "suite-search",
-    "suite-core",
-    "suite-overlap",
-    "suite-fresh",
-}
+REPORTED = {"suite-fresh-schedules", "suite-schedules", "suite-schedules-long", "suite-quick", "suite-search"}
+REPORTED |= {"suite-core", "suite-overlap", "suite-fresh"}
 """Studies that report, and develop nothing. Their results are in the folder of the same name."""
 TABLES = {"suite-fresh"}
 """Those of which only tables are kept."""
