@@ -27,26 +27,27 @@ from typing import Any
 import gymnasium
 import llvmlite.binding
 import numpy as np
+import yaml
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from pydantic import TypeAdapter
 
 import stlbench
 from stlbench import stl
-from stlbench.contract import ActionGrid, Policy, Specification, Unsuitable
+from stlbench.contract import ActionGrid, Policy, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.gym import StlVectorEnv
 from stlbench.records.identity import Track
 from stlbench.records.result import Measurement
 from stlbench.registry import choices, named_tasks, plugins
-from stlbench.simulation.referee import race
-from stlbench.simulation.verdicts import EarlyEnds, judge, without_end
 from stlbench.study import cell
 from stlbench.study.cell import Recipe, Recipes
 from stlbench.study.plan import plan_cells
-from stlbench.study.trial import Patience, measure
+from stlbench.study.trial import measure
 from stlbench.task import build_agent, build_method, load_task
-from stlbench.task.file import EarlyEnd
 from stlbench.task.view import FormulaView
+
+sys.path.append(str(Path(__file__).parents[1]))  # as pytest does; the command has this file's own folder there
+from helpers import pinned_rules
 
 PINS = Path(__file__).parents[1] / "study" / "pinned_bits.json"
 TASKS = Path(__file__).parent / "pinned_tasks"
@@ -69,70 +70,8 @@ PACKAGES = (
 )
 """Those whose versions can change bits. They stand in keys, as far as a cell uses them."""
 
-STEPS = 30
-FORMULAS = (
-    "G[8,30] (abs(x - 1) <= 0.6) & F[2,20] (abs(y + 1) <= 0.5)",
-    "G[0,20] F[0,10] (x >= 0.5 | y >= 1)",
-    "F[0,20] G[0,6] (norm(x, y) <= 1.2)",
-    "F[0,30] (x >= 1 & F[0,0] y <= 0.5) & G[0,30] (y >= -3)",
-    "G[0,28] (x <= 2.5 & y >= -2.5)",
-)
-METHODS: Mapping[str, tuple[str, ...]] = {
-    "bhnr": (
-        *("mode=block", "window=4", "semantics=lse", "semantics=gilpin", "semantics=agm", "semantics=gmsr"),
-        *("semantics=filtering", "semantics=filtering-sum", "semantics=lse,sharpness=3"),
-    ),
-    "causation": ("bonus=0.3",),
-    "cfer": ("flags=published", "beta=10"),
-    "counters": ("pays=verdict", "counterfactuals=4"),
-    "dense": (
-        *("mode=difference", "semantics=lse", "semantics=gilpin", "semantics=agm", "semantics=gmsr"),
-        "semantics=gmsr,sharpness=3",
-    ),
-    "flag": ("beta=10",),
-    "funnel": ("variant=code", "shape=clipped", "shape=normalised,t_star=0.5,ginf=0.05", "activity=literal"),
-    "hprs": ("later=target", "variant=auto-shaping", "violation=ends", "gamma=0.9"),
-    "machine": ("shaping=phases", "counterfactuals=0"),
-    "raw": ("activity=literal",),
-    "sparse": ("pays=failure",),
-    "tau-cmdp": ("window=after", "beta=10"),
-    "tau-mdp": ("form=probability", "beta=3", "every=2"),
-    "tltl": ("semantics=lse", "semantics=gilpin", "semantics=agm", "semantics=gmsr", "semantics=lse,sharpness=3"),
-}
-"""Parameters of methods, beside their defaults. Each is played on walks, and trained with."""
-_SB3 = (
-    "net_arch=12+12,copies=4,batch_size=16,learning_rate=0.002,learning_rate_final=0.001,gamma=0.9,buffer_size=256,"
-    "gradient_steps=2,n_steps=2,tau=0.1,learning_starts=16"
-)
-_DQN = (
-    "net_arch=12+12,copies=4,batch_size=16,learning_rate=0.002,learning_rate_final=0.001,gamma=0.9,buffer_size=256,"
-    "gradient_steps=3,n_steps=1,tau=0.1,averaging=0.9,reward_scale=2,target_update_interval=2,exploration_initial_eps=0.8,"
-    "exploration_final_eps=0.2,exploration_fraction=0.5,max_grad_norm=0.5"
-)
-_DQN_ALL = (_DQN, "head=additive,averaging=0", "double=false", "time_limit=terminal", "bounded=true")
-AGENTS: Mapping[str, tuple[str, ...]] = {
-    "best-possible": ("resolution=0.7,actions=5",),
-    "cma-es": ("candidates=6,most_starts=4,knots=3,spread=0.5",),
-    "dqn": _DQN_ALL,
-    "dqn-per-robot": _DQN_ALL,
-    "planner": ("resolution=0.7,actions=5,gamma=0.8", "memories=4,rounded=2"),
-    "sb3-dqn": (
-        f"{_SB3},target_update_interval=2,exploration_initial_eps=0.8,exploration_final_eps=0.2,"
-        "exploration_fraction=0.5,max_grad_norm=0.5",
-    ),
-    "sb3-ppo": (
-        "net_arch=12+12,copies=4,batch_size=14,learning_rate=0.002,learning_rate_final=0.001,gamma=0.9,n_steps=14,"
-        "n_epochs=3,gae_lambda=0.8,clip_range=0.1,ent_coef=0.01",
-    ),
-    "sb3-sac": (f"{_SB3},ent_coef_initial=0.5",),
-    "sb3-td3": (f"{_SB3},policy_delay=3,target_policy_noise=0.3,target_noise_clip=0.2,exploration_noise=0.4",),
-    "td3": (
-        "net_arch=12+12,copies=4,batch_size=16,learning_rate=0.002,learning_rate_final=0.001,gamma=0.9,buffer_size=256,"
-        "gradient_steps=2,n_steps=3,tau=0.1,averaging=0.9,reward_scale=2,policy_delay=3,target_policy_noise=0.3,"
-        "target_noise_clip=0.2,exploration_noise=0.4,exploration_noise_final=0.1,random_steps=8,action_penalty=0.1",
-    ),
-}
-"""Parameters of agents, beside their recipes in the tasks. Each is trained with."""
+PARAMETERS = yaml.safe_load((Path(__file__).parent / "pinned_parameters.yaml").read_text(encoding="utf-8"))
+"""Parameters of methods, each of which is played on walks and trained with, and of agents, which are trained with."""
 
 
 @dataclass(frozen=True)
@@ -221,8 +160,8 @@ def paid(method: str) -> Row:
 
     def compute() -> Iterator[bytes]:
         generator = np.random.default_rng(7)
-        walks = np.clip(np.cumsum(generator.normal(0, 0.5, (6, STEPS + 1, 2)), axis=1), -3.9, 3.9)
-        for formula in FORMULAS:
+        walks = np.clip(np.cumsum(generator.normal(0, 0.5, (6, pinned_rules.STEPS + 1, 2)), axis=1), -3.9, 3.9)
+        for formula in pinned_rules.FORMULAS:
             yield _paid(method, formula, walks)
 
     name = f"methods.{choices.parse_choice(method).name}"
@@ -234,12 +173,12 @@ def _paid(method: str, formula: str, walks: Any) -> bytes:
     copies = SyncVectorEnv([lambda walk=walk: _Played(walk) for walk in walks], autoreset_mode=AutoresetMode.DISABLED)
     ranges = {"x": (-4.0, 4.0), "y": (-4.0, 4.0)}
     try:
-        env = stlbench.wrap(copies, formula, names=("x", "y"), ranges=ranges, steps=STEPS, method=method)
+        env = stlbench.wrap(copies, formula, names=("x", "y"), ranges=ranges, steps=pinned_rules.STEPS, method=method)
     except (Unsuitable, UsageError):
         return b"unsuitable"
     env.reset(seed=0)
     still = np.zeros((len(walks), 1))
-    steps = [env.step(still)[:2] for _ in range(STEPS)]
+    steps = [env.step(still)[:2] for _ in range(pinned_rules.STEPS)]
     return np.array([reward for _, reward in steps], float).tobytes() + np.asarray(steps[-1][0], float).tobytes()
 
 
@@ -297,82 +236,23 @@ def _system(name: str) -> Iterator[Any]:
         yield system.signals(states)
 
 
-# -------------------------------------------------------------------------------------------------------------- rules
-
-_VIEWED = (*FORMULAS, "G[0,20] (x >= 1 -> F[0,9] norm(x, y - 1) <= 0.5) & F[3,9] y >= 0 & F[9,12] y >= 1")
-
-
-def _viewed() -> Iterator[bytes]:
-    """What policies see of some formulas."""
-    generator = np.random.default_rng(17)
-    state, signals = generator.uniform(-1, 1, (40, 3)), generator.uniform(-4, 4, (40, 2))
-    t, ranges = generator.integers(0, STEPS + 1, 40), {"x": (-4.0, 4.0), "y": (-4.0, 4.0)}
-    for formula in _VIEWED:
-        yield FormulaView(stl.parse(formula), ranges, STEPS)(state, signals, t).tobytes()
-
-
-def _selected() -> Iterator[bytes]:
-    """Races of checkpoints that are close, from several numbers of starts, and when patience ends."""
-    generator = np.random.default_rng(19)
-    for starts in (5, 8, 24, 64, 200):
-        for share in (0.0, 0.5, 0.95, 1.0):
-            robustness = generator.normal(generator.normal(1, 0.3, (12, 1)), 0.3, (12, starts))
-            satisfied = generator.random((12, starts)) < share
-            chosen = race(lambda rows, part, s=satisfied, r=robustness: (s[rows, part], r[rows, part]), 12, starts)
-            yield from (np.asarray(each).tobytes() for each in chosen)
-    for checkpoints in (1, 2, 4):
-        patience, scores = Patience(checkpoints), np.cumprod(1 + generator.uniform(-0.03, 0.08, 60))
-        yield bytes(
-            patience.ends(float(share), score) for share, score in zip(np.tile([1, 1, 0.9], 20), scores, strict=True)
-        )
-
-
-def _judged() -> Iterator[bytes]:
-    """Verdicts on traces that end early, by what an early end means; what is paid for the steps that are left."""
-    generator = np.random.default_rng(23)
-    walks = np.clip(np.cumsum(generator.normal(0, 0.5, (40, STEPS + 1, 2)), axis=1), -3.9, 3.9)
-    without_end(walks, generator.integers(0, STEPS + 1, 40))
-    for text in (*FORMULAS, "G[0,28] x >= -9"):  # the last holds wherever it goes
-        formula = stl.parse(text)
-        given = Specification(formula, ("x", "y"), (-4.0, -4.0), (4.0, 4.0), STEPS, 1.0, can_end=True)
-        for terminated in ("hold", "violated", "interval"):
-            known = np.nan_to_num(walks) if terminated == "hold" else walks
-            yield from (each.tobytes() for each in judge(formula, known, given, terminated))
-            yield from _left(given, terminated)
-
-
-def _left(given: Specification, terminated: EarlyEnd) -> Iterator[bytes]:
-    for name in ("raw", "flag", "hprs[violation=ends]"):
-        try:
-            method = plugins.build("methods", choices.parse_choice(name), given)
-        except Unsuitable:
-            continue
-        ends, start, now = EarlyEnds(method, terminated), np.array([[0.5, -1.0]]), np.array([False, True, True])
-        for t in (1, 7, STEPS - 1, STEPS):
-            memory = method.initial_memory(start, np.array([t]))
-            yield from (
-                np.float64(ends.sum_left(start, np.zeros((1, 1)), t, memory, each)).tobytes() for each in (1, 0.9)
-            )
-            yield ends.standing_still(np.ones(3), ~now, now, np.full(3, t), 2).tobytes()
-
-
 # --------------------------------------------------------------------------------------------------------- the matrix
 
 
 def rows() -> Iterator[Row]:
     """All of it."""
-    yield Row("rule selection", (("harness", "selection"),), _selected)
+    yield Row("rule selection", (("harness", "selection"),), pinned_rules.selected)
     paying = ("methods.raw", "raw"), ("methods.flag", "flag"), ("methods.hprs", "hprs[violation=ends]")
-    yield Row("rule early ends", (("harness", "early ends"), *paying), _judged)
-    yield Row("rule view", (("harness", "rules"), ("view", "view")), _viewed)
-    for method, variants in METHODS.items():
-        for choice in (method, *(f"{method}[{parameters}]" for parameters in variants)):
+    yield Row("rule early ends", (("harness", "early ends"), *paying), pinned_rules.judged)
+    yield Row("rule view", (("harness", "rules"), ("view", "view")), pinned_rules.viewed)
+    for method in PARAMETERS["methods"]:
+        for choice in _choices("methods", method):
             yield paid(choice)
             yield trained("points", choice)
-    for agent, variants in AGENTS.items():
+    for agent in PARAMETERS["agents"]:
         on = "thrust" if agent in ("td3", "sb3-td3", "sb3-sac", "sb3-ppo") else "points"
         yield trained(on, "tltl", agent)
-        for choice in (agent, *(f"{agent}[{parameters}]" for parameters in variants)):
+        for choice in _choices("agents", agent):
             yield trained(on, "flag", choice)
     for left_out in ("features", "hold", "cuts+exploring"):
         yield trained(f"points[without={left_out}]", "raw")
@@ -391,6 +271,11 @@ def rows() -> Iterator[Row]:
         for name, plugin in plugins.available(kind).items():
             if plugin.distribution == plugins.OWN:
                 yield from (moves(f"{kind}.{name}", each) for each in ([name] if kind == "tasks" else _members(name)))
+
+
+def _choices(kind: str, name: str) -> list[str]:
+    """A plugin with its defaults, and with each of its parameters."""
+    return [name, *(f"{name}[{each.replace(' ', '')}]" for each in PARAMETERS[kind][name])]
 
 
 def _members(suite: str) -> list[str]:
