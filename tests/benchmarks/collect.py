@@ -58,10 +58,8 @@ TABLES = (
     Table(
         "Training beside the JAX program",
         {
-            "61 actions, 16 copies": "dqn_16",
-            "61 actions, one copy": "dqn_1",
-            "any torque, 8 copies": "td3_8",
-            "any torque, one copy": "td3_1",
+            **{"61 actions, 16 copies": "dqn_16", "61 actions, one copy": "dqn_1"},
+            **{"any torque, 8 copies": "td3_8", "any torque, one copy": "td3_1"},
         },
         _times([("JAX", "jax")], "{:.2f}"),
     ),
@@ -194,9 +192,8 @@ def draw(figures: Mapping[str, Figure], path: Path) -> None:
     steps = horizons(figures)
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
     for method, marker in zip(METHODS, "osD^", strict=True):
-        times, inputs = (
-            [figures[f"reward_{method}_{step}_{what}"] for step in steps] for what in ("nanoseconds", "inputs")
-        )
+        costs = ("nanoseconds", "inputs")
+        times, inputs = ([figures[f"reward_{method}_{step}_{what}"] for step in steps] for what in costs)
         left.plot(steps, times, marker=marker, markersize=4, label=method.replace("_", "-"))
         right.plot(steps, inputs, marker=marker, markersize=4)
     left.set(xscale="log", yscale="log", xlabel="horizon of G[0,H], steps", ylabel="CPU ns a transition")

@@ -21,34 +21,13 @@ from stlbench.contract import ActionBox, Environment
 
 __all__ = ["sb3_training"]
 
-_BOTH: dict[str, Any] = {
-    "learning_rate": 1e-3,
-    "buffer_size": 65536,
-    "learning_starts": 0,
-    "batch_size": 128,
-    "gamma": 0.95,
-    "train_freq": 1,
-    "gradient_steps": 1,
-}
-_OPTIONS: dict[str, dict[str, Any]] = {
-    "DQN": _BOTH
-    | {
-        "tau": 1.0,
-        "target_update_interval": 1000,
-        "exploration_initial_eps": 0.05,
-        "exploration_final_eps": 0.05,
-        "policy_kwargs": {"net_arch": [128, 128]},
-    },
-    "TD3": _BOTH
-    | {
-        "tau": 0.01,
-        "policy_delay": 2,
-        "target_policy_noise": 0.1,
-        "target_noise_clip": 0.25,
-        "action_noise": NormalActionNoise(np.zeros(1), np.full(1, 0.2)),
-        "policy_kwargs": {"net_arch": [64, 64]},
-    },
-}
+_BOTH: dict[str, Any] = {"learning_rate": 1e-3, "buffer_size": 65536, "learning_starts": 0, "batch_size": 128}
+_BOTH |= {"gamma": 0.95, "train_freq": 1, "gradient_steps": 1}
+_DQN: dict[str, Any] = {"tau": 1.0, "target_update_interval": 1000, "policy_kwargs": {"net_arch": [128, 128]}}
+_DQN |= {"exploration_initial_eps": 0.05, "exploration_final_eps": 0.05}
+_TD3: dict[str, Any] = {"tau": 0.01, "policy_delay": 2, "target_policy_noise": 0.1, "target_noise_clip": 0.25}
+_TD3 |= {"action_noise": NormalActionNoise(np.zeros(1), np.full(1, 0.2)), "policy_kwargs": {"net_arch": [64, 64]}}
+_OPTIONS = {"DQN": _BOTH | _DQN, "TD3": _BOTH | _TD3}
 
 
 class SingleEnv(gymnasium.Env[NDArray[np.float32], Any]):

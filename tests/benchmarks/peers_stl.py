@@ -39,17 +39,13 @@ def _hold(a: int, b: int, target: float) -> Texts:
     angle = f"{target} - " if target else ""
     shown = f"abs({angle}x) <= 0.05", "abs(y) <= 0.05"
     sampled = [text.replace("x)", "x[t])").replace("y)", "y[t])") for text in shown]
-    ends = (
-        f"x >= {target - 0.05!r}",
-        f"x <= {target + 0.05!r}",
-        "y >= -0.05",
-        "y <= 0.05",
-    )  # mstlo has no arithmetic
+    ends = f"x >= {target - 0.05!r}", f"x <= {target + 0.05!r}", "y >= -0.05", "y <= 0.05"  # mstlo has no arithmetic
+    always = f"(always[{a},{b}] (({shown[0]}) and ({shown[1]})))"
     return Texts(
         f"G[{a},{b}] ({shown[0]} & {shown[1]})",
-        f"(always[{a},{b}] (({shown[0]}) and ({shown[1]})))",
+        always,
         f"(alw_[{a},{b}] (({sampled[0]}) and ({sampled[1]})))",
-        f"(always[{a},{b}] (({shown[0]}) and ({shown[1]})))",
+        always,
         f"G[{a},{b}]({' && '.join(ends)})",
         f"G[{a},{b}]({' and '.join(ends)})",
     )
@@ -205,9 +201,8 @@ def mstlo_online(formula: str, trace: Floats) -> Callable[[], Any]:
     mstlo: Any = importlib.import_module("mstlo_python")
     parsed = mstlo.parse_formula(FORMULAS[formula].mstlo)
     names = sorted(mstlo.Monitor(parsed).get_signal_identifiers())
-    rows = [
-        [(name, row["xy".index(name)], float(t)) for name in names] for t, row in enumerate(trace.tolist())
-    ]  # a call takes one signal
+    # a call takes one signal
+    rows = [[(name, row["xy".index(name)], float(t)) for name in names] for t, row in enumerate(trace.tolist())]
 
     def run() -> Any:
         update, output = mstlo.Monitor(parsed, semantics="DelayedQuantitative").update, None

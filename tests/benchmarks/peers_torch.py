@@ -62,10 +62,5 @@ class TorchDQN:
 
 
 def _network(environment: BatchEnvironment) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Linear(environment.observation_size, 128),
-        nn.ReLU(),
-        nn.Linear(128, 128),
-        nn.ReLU(),
-        nn.Linear(128, environment.actions.size),
-    )
+    first, last = nn.Linear(environment.observation_size, 128), nn.Linear(128, environment.actions.size)
+    return nn.Sequential(first, nn.ReLU(), nn.Linear(128, 128), nn.ReLU(), last)

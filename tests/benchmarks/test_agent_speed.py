@@ -13,7 +13,7 @@ from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import QLearner
-from stlbench_agents.training import grid_of
+from stlbench_agents.training import Head, grid_of
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="agent")
 
@@ -32,11 +32,8 @@ def test_update(race: Race, recipe: str, width: int) -> None:
         "tau": 1.0,
         "target_update_interval": 1000,
     }
-    agent = DQN(
-        net_arch=(width, width),
-        head="additive" if recipe == "additive" else "joint",
-        **(plain if recipe == "joint_plain" else {}),
-    )
+    head: Head = "additive" if recipe == "additive" else "joint"
+    agent = DQN(net_arch=(width, width), head=head, **(plain if recipe == "joint_plain" else {}))
     learner, _ = _trained(agent)
     generator = np.random.default_rng(0)
 

@@ -26,20 +26,13 @@ THETA = "atan2(y, x)"
 
 def pendulum() -> Task:
     """Gymnasium's pendulum, as a task file has it."""
-    file = TaskFile.model_validate(
-        {
-            "title": "Gymnasium's pendulum",
-            "source": "Pendulum-v1",
-            "formula": FORMULA,
-            "sampling_time": 0.05,
-            "steps": 200,
-            "environment": {"id": "Pendulum-v1", "names": NAMES, "scale": {"omega": 8}},
-            "signals": {"theta": {"low": -3.2, "high": 3.2, "expression": THETA}},
-            "agents": {"sb3-ppo": {}},
-            "budgets": {"quick": {"steps": STEPS}},
-        }
-    )
-    return Task(Choice("pendulum-v1"), file, GymTask())
+    content = {
+        **{"title": "Gymnasium's pendulum", "source": "Pendulum-v1", "formula": FORMULA},
+        **{"sampling_time": 0.05, "steps": 200, "agents": {"sb3-ppo": {}}, "budgets": {"quick": {"steps": STEPS}}},
+        "environment": {"id": "Pendulum-v1", "names": NAMES, "scale": {"omega": 8}},
+        "signals": {"theta": {"low": -3.2, "high": 3.2, "expression": THETA}},
+    }
+    return Task(Choice("pendulum-v1"), TaskFile.model_validate(content), GymTask())
 
 
 def test_ppo_on_gymnasiums_pendulum(race: Race) -> None:

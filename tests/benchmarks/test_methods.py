@@ -114,10 +114,6 @@ def _stay(horizon: int) -> Task:
     """hold-disc with G[0,H] psi for its formula; tau-mdp reads it as G[0,0] G[0,H] psi, a window of H + 1 samples."""
     entry = load_task("hold-disc")
     psi = "(norm(x - 2, y - 2) <= 1)"
-    changes = {
-        "formula": f"G[0,{horizon}] {psi}",
-        "nested": f"G[0,0] G[0,{horizon}] {psi}",
-        "steps": horizon,
-        "protocols": {},
-    }
+    changes: dict[str, Any] = {"formula": f"G[0,{horizon}] {psi}", "nested": f"G[0,0] G[0,{horizon}] {psi}"}
+    changes |= {"steps": horizon, "protocols": {}}
     return replace(entry, file=entry.file.model_copy(update=changes))

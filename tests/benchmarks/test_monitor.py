@@ -42,18 +42,9 @@ EXACT, DENSE = 1e-12, 0.1
 #: traces that an online monitor watches in a turn
 ONLINE_TRACES = 20
 #: of the online peers, so that a turn takes about a second; 0: 0.3.0 crashes (segmentation fault)
-ONLINE_STEPS = {
-    "rtamt": {"conjunction": 2001, "nested": 1051, "until": 20},
-    "stlrom": {"conjunction": 2001, "nested": 1051, "until": 0},
-    "sentil": {"conjunction": 2001, "nested": 1051, "until": 901},
-    "mstlo": {"conjunction": 2001, "nested": 1051, "until": 901},
-}
-ONLINE = {
-    "rtamt": peers_stl.rtamt_online,
-    "stlrom": peers_stl.stlrom_online,
-    "sentil": peers_stl.sentil_online,
-    "mstlo": peers_stl.mstlo_online,
-}
+UNTIL_STEPS = {"rtamt": 20, "stlrom": 0, "sentil": 901, "mstlo": 901}
+ONLINE_STEPS = {peer: {"conjunction": 2001, "nested": 1051, "until": steps} for peer, steps in UNTIL_STEPS.items()}
+ONLINE = {peer: getattr(peers_stl, f"{peer}_online") for peer in UNTIL_STEPS}
 
 
 def traces(count: int) -> Floats:

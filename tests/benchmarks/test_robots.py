@@ -22,15 +22,9 @@ COPIES, STEPS = 64, 20
 
 def robot(name: str) -> Task:
     file = {
-        "title": name,
-        "source": name,
-        "formula": "F[0,100] (x >= 1)",
-        "sampling_time": 0.05,
-        "steps": 100,
-        "environment": {"id": name},
+        **{"title": name, "source": name, "formula": "F[0,100] (x >= 1)", "sampling_time": 0.05, "steps": 100},
+        **{"environment": {"id": name}, "agents": {"td3": {}}, "budgets": {"quick": {"steps": 1000}}},
         "signals": {"x": {"low": -10, "high": 10, "expression": "x_position"}},
-        "agents": {"td3": {}},
-        "budgets": {"quick": {"steps": 1000}},
     }
     return Task(Choice(name.lower()), TaskFile.model_validate(file), GymTask())
 

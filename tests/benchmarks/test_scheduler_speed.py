@@ -91,13 +91,8 @@ def _overhead(folder: Path, cells: int) -> float:
 def test_two_workers(race: Race, tmp_path: Path) -> None:
     """Wall time with one worker over that with two, the same four cells. Needs two idle cores."""
     turn = itertools.count()
-    times = race.run(
-        lambda: _run_cells(tmp_path / str(next(turn)), 4, jobs=2),
-        {"one": lambda: _run_cells(tmp_path / str(next(turn)), 4, jobs=1)},
-        turns=2,
-        clock=time.perf_counter,
-        warm_up=False,
-    )
+    one, two = (lambda jobs=jobs: _run_cells(tmp_path / str(next(turn)), 4, jobs) for jobs in (1, 2))
+    times = race.run(two, {"one": one}, turns=2, clock=time.perf_counter, warm_up=False)
     race.note(two_workers_speedup=ratios(times["one"], times["ours"]))
 
 
@@ -115,17 +110,10 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _finished(cell: Cell) -> Result:
     """As large as a real one: 64 starts, four protocols, 20 checkpoints."""
     robustness = [0.1 + 0.0003 * (cell.id.seed % 97) + 0.001 * start for start in range(64)]
-    return Result(
-        cell.id,
-        cell.key,
-        "done",
-        measurement=measurement(
-            robustness,
-            further={name: robustness for name in ("paper", "tail", "centre")},
-            curve=tuple(CurvePoint(12_000 * i, 0.1 * i, i / 20, 0.01 * i, 64) for i in range(1, 21)),
-        ),
-        provenance={"jobs": "1", "machine": "made up", "python": "3.11"},
-    )
+    curve = tuple(CurvePoint(12_000 * i, 0.1 * i, i / 20, 0.01 * i, 64) for i in range(1, 21))
+    measured = measurement(robustness, further=dict.fromkeys(("paper", "tail", "centre"), robustness), curve=curve)
+    facts = {"jobs": "1", "machine": "made up", "python": "3.11"}
+    return Result(cell.id, cell.key, "done", measurement=measured, provenance=facts)
 
 
 def _run_cells(folder: Path, seeds: int, jobs: int) -> None:

@@ -41,14 +41,10 @@ _PEERS = [(task, peer) for task, entry in ENTRIES.items() for peer in entry.peer
 Cell = dict[str, Any]
 
 
-@pytest.mark.parametrize(
-    ("task", "contestant"),
-    [
-        *((task, f"solve-{MINUTES[0]}") for task in ENTRIES),
-        *_PEERS,
-        *((task, f"solve-{MINUTES[1]}") for task in ENTRIES),
-    ],
-)
+_FIRST, _LAST = ([(task, f"solve-{minutes}") for task in ENTRIES] for minutes in MINUTES)
+
+
+@pytest.mark.parametrize(("task", "contestant"), [*_FIRST, *_PEERS, *_LAST])
 def test_solve(race: Race, task: str, contestant: str) -> None:
     """One cell; the last of a task's notes the figures of all."""
     cells = _cells(task)

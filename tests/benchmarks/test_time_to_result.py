@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -74,9 +75,7 @@ def test_time_to_result(race: Race, task: str) -> None:
         )
 
 
-def _seconds(
-    entry: Task, agent_text: str, seed: int, share: int = 1, limit: float = float("inf")
-) -> tuple[float, bool]:
+def _seconds(entry: Task, agent_text: str, seed: int, share: int = 1, limit: float = math.inf) -> tuple[float, bool]:
     """CPU seconds, and whether the referee was content by then."""
     method, agent = build_method(entry, "funnel"), build_agent(entry, agent_text)
 

@@ -27,6 +27,7 @@ BATCH = 128
 WIDTH = 128
 #: peer -> the modules that it needs
 NEEDED = {"sb3": ("stable_baselines3",), "sbx": ("sbx",), "torch": ("torch",), "jax": ("jax", "optax")}
+Times = Mapping[str, Sequence[float]]
 LIBRARIES = {"sb3": "stable_baselines3", "sbx": "sbx"}
 
 
@@ -65,13 +66,7 @@ def _peer(name: str) -> str:
     return name.partition("_")[0]
 
 
-def _note_peers(
-    race: Race,
-    name: str,
-    times: Mapping[str, Sequence[float]],
-    peers: Sequence[str],
-    lacking: Mapping[str, str],
-) -> None:
+def _note_peers(race: Race, name: str, times: Times, peers: Sequence[str], lacking: Mapping[str, str]) -> None:
     """How many times as fast as each we are, with all copies and with one."""
     for key, ours in (("", "ours"), ("_single", "single")):
         for peer in peers:
@@ -79,13 +74,7 @@ def _note_peers(
             race.note(**{f"{name}{key}_vs_{peer}": value})
 
 
-def _note_jax(
-    race: Race,
-    name: str,
-    works: Mapping[int, str],
-    times: Mapping[str, Sequence[float]],
-    lacking: Mapping[str, str],
-) -> None:
+def _note_jax(race: Race, name: str, works: Mapping[int, str], times: Times, lacking: Mapping[str, str]) -> None:
     """The same of the JAX program, with as many copies as ours."""
     for copies, ours in works.items():
         value = lacking["jax"] if "jax" in lacking else ratios(times[f"jax_{copies}"], times[ours])
@@ -114,18 +103,15 @@ def _td3s(task: Task) -> dict[str, Callable[[], Work]]:
 
 
 def _dqn(task: Task, copies: int) -> Work:
-    agent = DQN(
-        net_arch=(WIDTH, WIDTH), head="joint", copies=copies, gradient_steps=copies, batch_size=BATCH, n_steps=1,
-        double=False, tau=1.0, target_update_interval=1000, averaging=0.0, exploration_initial_eps=0.05,
-    )  # fmt: skip
+    sizes: dict[str, Any] = {"net_arch": (WIDTH, WIDTH), "head": "joint", "batch_size": BATCH, "n_steps": 1}
+    rules: dict[str, Any] = {"double": False, "tau": 1.0, "target_update_interval": 1000, "averaging": 0.0}
+    agent = DQN(**sizes, **rules, copies=copies, gradient_steps=copies, exploration_initial_eps=0.05)
     return training(agent, task, STEPS)
 
 
 def _td3(task: Task, copies: int) -> Work:
-    agent = TD3(
-        net_arch=(64, 64), copies=copies, gradient_steps=copies, batch_size=BATCH, buffer_size=65536, random_steps=1
-    )
-    return training(agent, task, STEPS)
+    sizes: dict[str, Any] = {"net_arch": (64, 64), "batch_size": BATCH, "buffer_size": 65536, "random_steps": 1}
+    return training(TD3(**sizes, copies=copies, gradient_steps=copies), task, STEPS)
 
 
 def _library(library: str, agent: str, task: Task) -> Callable[[], Work]:

@@ -57,3 +57,23 @@ class Here(Executor):
                     yield Outcome(index, "raised", reason=cause(error), details="trace")
         finally:
             self.closed = True
+
+
+class Told:
+    """A run's progress: how it begins, as names of methods and how many are done, then notes, and how cells end."""
+
+    def __init__(self) -> None:
+        self.lines = list[Any]()
+
+    @property
+    def notes(self) -> list[str]:
+        return [line for line in self.lines if isinstance(line, str)]
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        self.lines.append(([cell.method.name for cell in missing], done))
+
+    def note(self, text: str) -> None:
+        self.lines.append(text)
+
+    def ended(self, result: Result) -> None:
+        self.lines.append((result.id.method.name, result.status))

@@ -53,9 +53,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "hang": _hangs("signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(600)"),
         "spin": _hangs("sum(range(10**13))"),
         "pause": _hangs("os.kill(os.getpid(), signal.SIGSTOP)"),
-        "memory": Kind(
-            "kept = [bytes(2**26).replace(b'\\0', b'x') for _ in range(40)]; time.sleep(600)", "killed", "memory"
-        ),
+        "memory": Kind("kept = [b'x' * 2**26 for _ in range(40)]; time.sleep(600)", "killed", "memory"),
         "held": Kind("os.fork() or time.sleep(600); os._exit(0)", "killed", "exit code 0"),
         "daemons": Kind("leave_daemons()", "done"),
         "threads": Kind("leave_threads()", "done"),
@@ -131,9 +129,8 @@ def _name(kind: str) -> str:
 
 def install(folder: Path) -> None:
     """Write the distribution; the folder has to be on the path of whoever uses it."""
-    methods = _HEAD + "".join(
-        _CLASS.format(name=_name(kind), kind=kind, body=found.body) for kind, found in KINDS.items()
-    )
+    classes = (_CLASS.format(name=_name(kind), kind=kind, body=found.body) for kind, found in KINDS.items())
+    methods = _HEAD + "".join(classes)
     entries = [
         *("[stlbench.methods]", f"{INNOCENT} = soak_plugins.methods:Innocent"),
         *(f"soak-{kind} = soak_plugins.methods:{_name(kind)}" for kind in KINDS),

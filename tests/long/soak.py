@@ -185,9 +185,8 @@ class Soak:
             self._broken(f"{len(results)} results of {self.count} cells")
         for result in results:
             self._judge_one(result, done[result.id.seed])
-        scores = {
-            result.measurement.selected[MAIN].mean for result in results if _innocent(result) and result.measurement
-        }
+        innocent = [each.measurement for each in results if each.id.method.name == "soak-innocent"]
+        scores = {measured.selected[MAIN].mean for measured in innocent if measured}
         if len(scores) > 1:
             self._broken(f"innocent cells have {len(scores)} different scores")
         if parts := [path.name for path in (self.folder / RESULTS).rglob("*.part")]:
@@ -203,22 +202,17 @@ class Soak:
             self._broken(f"{result.id.name} should be {status} {reason}, it is {result.status} {result.reason}")
 
 
-def _innocent(result: Result) -> bool:
-    return result.id.method.name == "soak-innocent"
-
-
 def told(soak: Soak) -> str:
     """What was found, for a person."""
     found, done = soak.found, kinds(soak.count, soak.share, soak.seed)
-    faults = Counter(kind for kind in done if kind is not None)
+    faults, statuses = Counter(kind for kind in done if kind), Counter(each.status for each in soak._results())
     return "\n".join(
         [
             f"{soak.count} cells, {sum(faults.values())} of them faults of {len(faults)} kinds, {soak.jobs} at a time",
             f"{found.kills} kills, {found.seconds:.0f} s, {found.seconds / soak.count:.3f} s for each cell",
             f"memory of the run: {_span([size / 2**20 for size in found.memory])} MiB",
             f"descriptors of the run: {_span(found.descriptors)}",
-            "statuses: "
-            + ", ".join(f"{n} {status}" for status, n in Counter(r.status for r in soak._results()).items()),
+            f"statuses: {', '.join(f'{n} {status}' for status, n in statuses.items())}",
             *(found.broken or ["every promise was kept"]),
         ]
     )

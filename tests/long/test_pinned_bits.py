@@ -24,12 +24,7 @@ EDITS = {
         "methods.hprs",
     ),
     "flag": ("plugins/stlbench_methods/flag.py", "[-1.0, -math.exp(-beta)]", "[-1.0, 0.0]", "methods.flag"),
-    "time limit": (
-        "plugins/stlbench_agents/q_learner.py",
-        'recipe.time_limit == "terminal"',
-        "False",
-        "agents.dqn",
-    ),
+    "time limit": ("plugins/stlbench_agents/q_learner.py", 'recipe.time_limit == "terminal"', "False", "agents.dqn"),
     "td3": ("plugins/stlbench_agents/td3_learner.py", "first if last is None else last", "first", "agents.td3"),
     "task": ("tasks/stlbench_tasks/pendulum/__init__.py", "0.15, 0.5, 0.05", "0.15, 0.5, 0.06", "tasks.pendulum"),
 }

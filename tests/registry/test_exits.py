@@ -13,8 +13,9 @@ from stlbench.registry.exits import importing, interrupts_raise
 
 WHAT = "method 'zz' of acme 1.2 (zz:One)"
 IMPORTS = """
-import ctypes, os, time
+import ctypes, os, signal, time
 from stlbench.registry import exits
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
 exits._LONG = 0.05
 with exits.importing("method 'zz' of acme 1.2 (zz:One)"):
     {code}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from helpers import scripted_cells
-from helpers.scripted_cells import Here
+from helpers.scripted_cells import Here, Told
 
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result_files import cell_files
@@ -86,36 +86,22 @@ def test_the_cell_is_offered_again_even_where_the_edit_is_taken_back(plugin, tmp
 PARTS = {"harness": "a" * 32, "task": "b" * 32, "method": "c" * 32, "agent": "d" * 32, "packages": "e" * 32}
 
 
-class Told:
-    def __init__(self):
-        self.begun, self.notes = [], []
-
-    def begin(self, missing, done):
-        self.begun.append((len(missing), done))
-
-    def note(self, text):
-        self.notes.append(text)
-
-    def ended(self, result): ...
-
-
 @pytest.fixture
 def study(tmp_path, monkeypatch, scripted):
     def ran(cells, numpy="2.4", **words):
         monkeypatch.setattr(run, "collect", lambda jobs: {"jobs": str(jobs), "numpy": numpy, "time": numpy})
         told = Told()
         run.run_cells(cells, tmp_path, Here(), run_cell=scripted_cells.run_in, progress=told, **words)
-        return told.begun[0], *told.notes
+        (missing, done), *_ = told.lines
+        return (len(missing), done), *told.notes
 
     return ran
 
 
 def cells(*methods: str, **changed: str) -> list[Cell]:
     parts = tuple((PARTS | changed).items())
-    return [
-        replace(cell, key=f"{cell.key}-{'-'.join(changed.values())}", parts=parts)
-        for cell in scripted_cells.cells(*methods)
-    ]
+    made = scripted_cells.cells(*methods)
+    return [replace(cell, key=f"{cell.key}-{'-'.join(changed.values())}", parts=parts) for cell in made]
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from helpers.scripted_cells import Told
 from helpers.synthetic_results import result
 
 from stlbench.contract import LoggedCell, RunLog
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
-from stlbench.records.result import Result
 from stlbench.registry.choices import parse_choice
 from stlbench.study import logs
 from stlbench.study.logs import Logged, build_logs, logged
@@ -35,21 +35,6 @@ class Recorded(RunLog):
         self.said.append("end")
 
 
-class Told:
-    """A run's own progress."""
-
-    def __init__(self) -> None:
-        self.notes, self.results = list[str](), list[Result]()
-
-    def begin(self, missing: object, done: int) -> None: ...
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
-
-    def ended(self, result: Result) -> None:
-        self.results.append(result)
-
-
 CELL = CellId.parse("hold-disc/funnel/dqn/0", "quick")
 
 
@@ -59,8 +44,7 @@ def test_a_log_is_told_of_the_run_and_its_cells(tmp_path: Path) -> None:
         progress.begin([CELL], 0)
         progress.ended(result())
     assert log.said == [(CELL.name,), (CELL.name, "done"), "end"]
-    assert told.notes == []
-    assert len(told.results) == 1
+    assert told.lines == [(["funnel"], 0), ("funnel", "done")]
 
 
 @pytest.mark.parametrize("error", [ValueError("no"), SystemExit(3), KeyboardInterrupt()])

@@ -61,18 +61,10 @@ class Agent(contract.Agent):
     def train(self, training): ...
 """
 
-FILES = {
-    "zz_lab/__init__.py": "",
-    "zz_lab/pay.py": METHOD.format(name="Pay"),
-    "zz_lab/more.py": METHOD.format(name="More"),
-    "zz_lab/agent.py": AGENT,
-    "zz_lab/line/__init__.py": "",
-    "zz_lab/line/system.py": SYSTEM,
-    "zz_lab/line/task.yaml": TASK,
-    "zz_lab/long/__init__.py": "",
-    "zz_lab/long/system.py": SYSTEM,
-    "zz_lab/long/task.yaml": TASK.replace("seeds: 2", "seeds: 3"),
-}
+FILES = {f"zz_lab/{name.lower()}.py": METHOD.format(name=name) for name in ("Pay", "More")} | {"zz_lab/agent.py": AGENT}
+FILES |= {f"zz_lab/{folder}__init__.py": "" for folder in ("", "line/", "long/")}
+FILES |= {f"zz_lab/{folder}/system.py": SYSTEM for folder in ("line", "long")}
+FILES |= {"zz_lab/line/task.yaml": TASK, "zz_lab/long/task.yaml": TASK.replace("seeds: 2", "seeds: 3")}
 
 
 @pytest.fixture

@@ -61,11 +61,9 @@ def bad(site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None, capfd: pytest.CaptureFixture[str]) -> None:
     methods = ["raw", *(f"zz-{name}" for name in QUICK)]
+    settings = [Setting(Choice("hold-disc"), Choice(method), Choice("dqn"), "quick") for method in methods]
     with pytest.warns(plugins.PluginWarning) as told:
-        found = references(
-            (Setting(Choice("hold-disc"), Choice(method), Choice("dqn"), "quick") for method in methods),
-            plugin_guard.ask,
-        )["hold-disc"]
+        found = references(settings, plugin_guard.ask)["hold-disc"]
     said = {str(each.message).split(": ")[1].split(" ")[1]: str(each.message).split("pays: ")[1] for each in told}
     assert said.pop("zz-eat").startswith("it took ")
     assert "its rewards should be numbers of shape (200, 256), got <U4 of shape ()" in said.pop("zz-text")
@@ -85,9 +83,8 @@ def test_what_hangs_is_waited_for_once(bad: None) -> None:
 
 
 def test_what_others_pay_is_the_same_as_in_this_process(bad: None) -> None:
-    questions = [
-        payment(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")
-    ]
+    pairs = ((track, name) for track in ("shared", "plain") for name in ("raw", "zz-same"))
+    questions = [payment(Choice("hold-disc"), *pair) for pair in pairs]
     assert [str(answer) for answer in plugin_guard.ask(questions)] == [str(answer) for answer in ask_here(questions)]
     assert plugin_guard.ask([payment(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
 
@@ -127,14 +124,11 @@ def tasks(site: Callable[..., Path]) -> None:
 
 def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> None:
     names = ("good", "gone", "torn", "left")
+    settings = [Setting(Choice(f"zz-{name}"), Choice("raw"), Choice("dqn"), "smoke") for name in names]
     with pytest.warns(plugins.PluginWarning) as told:
-        found = references(
-            (Setting(Choice(f"zz-{name}"), Choice("raw"), Choice("dqn"), "smoke") for name in names), plugin_guard.ask
-        )
-    assert [(name, known.by_hand is not None, known.at_random is not None) for name, known in found.items()] == [
-        ("zz-good", True, True),
-        ("zz-gone", False, True),
-    ]
+        found = references(settings, plugin_guard.ask)
+    known = [(name, each.by_hand is not None, each.at_random is not None) for name, each in found.items()]
+    assert known == [("zz-good", True, True), ("zz-gone", False, True)]
     assert [str(each.message) for each in told] == [
         "task zz-torn: it cannot be loaded: RuntimeError: no luck",
         "task zz-left: it cannot be loaded: the process ended with exit code 3",

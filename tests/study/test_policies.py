@@ -49,10 +49,9 @@ def test_the_referee_scores_it_as_it_did(folder: Path, result: Result) -> None:
         budget = task.budget("smoke")
         again = referee.Referee(task, method, budget.random_starts).assess(policy)
         assert again.scores == scores
-    assert np.array_equal(again.traces, Results.load(folder).traces(result.id.name).samples) == (
-        result.measurement.policies is not None
-        and result.measurement.policies.selected == result.measurement.policies.final
-    )
+    kept = result.measurement.policies
+    is_same = kept is not None and kept.selected == kept.final
+    assert np.array_equal(again.traces, Results.load(folder).traces(result.id.name).samples) == is_same
 
 
 def test_from_the_ledger_by_name(folder: Path, result: Result) -> None:

@@ -73,10 +73,8 @@ def test_one_row_per_cell_protocol_and_policy_with_every_digit(results):
 
 def test_one_row_per_checkpoint(results):
     table = results.curves()
-    assert table[["steps", "cpu_seconds", "satisfaction", "robustness_mean"]].values.tolist() == [
-        [1000, 1.0, 0.5, -0.1],
-        [2000, 2.0, 1.0, 0.3],
-    ]
+    rows = table[["steps", "cpu_seconds", "satisfaction", "robustness_mean"]].values.tolist()
+    assert rows == [[1000, 1.0, 0.5, -0.1], [2000, 2.0, 1.0, 0.3]]
     assert table["starts"].tolist() == [16, 64]
     assert set(table["method"]) == {"funnel[ginf=0.02]"}
 
@@ -209,9 +207,7 @@ def test_what_an_import_does_not_load(statement, heavy):
 
 def test_comparisons_are_those_of_the_report(tmp_path):
     scores = {"funnel": (0.38, 0.37, 0.39), "raw": (0.1, 0.2, 0.15)}
-    made = [
-        result(method, seed, robustness=(value,)) for method, each in scores.items() for seed, value in enumerate(each)
-    ]
+    made = [result(method, seed, robustness=(scores[method][seed],)) for method in scores for seed in range(3)]
     table = Results.of(made, tmp_path).comparisons()
     (row,) = table.to_dict("records")
     assert (row["task"], row["method"], row["other"]) == ("hold-disc", "funnel", "raw")

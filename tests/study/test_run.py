@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helpers import scripted_cells
-from helpers.scripted_cells import Here
+from helpers.scripted_cells import Here, Told
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
@@ -18,21 +18,6 @@ from stlbench.study.code_changes import run_checked
 from stlbench.study.plan import Checked, preload
 from stlbench.study.run import run_cells
 from stlbench.study.scheduler import build_executor
-
-
-class Told:
-    def __init__(self):
-        self.lines = []
-
-    def begin(self, missing, done):
-        self.lines.append(([cell.method.name for cell in missing], done))
-
-    def note(self, text):
-        self.lines.append(text)
-
-    def ended(self, result):
-        self.lines.append((result.id.method.name, result.status))
-
 
 pytestmark = pytest.mark.usefixtures("scripted")
 

@@ -94,9 +94,8 @@ def test_an_interrupted_or_killed_run_has_recorded_what_ended(tmp_path, sent):
     program, path = tmp_path / "program.py", tmp_path / "ledger.sqlite"
     program.write_text(PROGRAM)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    parent = subprocess.Popen(
-        [sys.executable, program, path], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    command, pipe = [sys.executable, program, path], subprocess.PIPE
+    parent = subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
     assert {parent.stdout.readline().strip(), parent.stdout.readline().strip()} == {"a", "b"}
     time.sleep(0.5)  # both workers hang
     parent.send_signal(sent)

@@ -13,9 +13,8 @@ from stlbench.study.study import Shard, Study, parse_seeds
 
 def test_python_values_and_texts_say_the_same():
     words = Study.of({"tasks": "overlap, hold-disc", "methods": "funnel[ginf=0.02,variant=code]", "seeds": "3"})
-    values = Study.of(
-        {"tasks": ["overlap", Choice("hold-disc")], "methods": ("funnel[variant=code,ginf=0.02]",), "seeds": range(3)}
-    )
+    said = {"tasks": ["overlap", Choice("hold-disc")], "methods": ("funnel[variant=code,ginf=0.02]",)}
+    values = Study.of({**said, "seeds": range(3)})
     assert words == values
     assert words.seeds == (0, 1, 2)
     assert words.methods == (Choice("funnel", (("ginf", "0.02"), ("variant", "code"))),)

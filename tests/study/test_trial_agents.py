@@ -108,13 +108,17 @@ class TestScript:
     def cell(method: str = "raw", seed: int = 0) -> Cell:
         return Cell(CellId.parse(f"zz-line/{method}/zz-script/{seed}", "smoke"), 32 * "0", 60)
 
+    def measured(self) -> Measurement:
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        return found
+
     def test_the_best_checkpoint_is_selected_and_the_final_policy_reported_beside_it(
         self, agent: Callable[[int], Any]
     ) -> None:
         """The training is the budget's, and the warm-up is not counted."""
         script = agent(2)
-        found = trial.run_cell(self.cell()).measurement
-        assert found is not None
+        found = self.measured()
         assert [point.satisfaction for point in found.curve] == [0, 0, 1, 0, 1]
         assert found.selected_steps == 6  # of two that are equally good the first
         begin = starts.grid(load_task("zz-line").file.initial, 4)[:, 0]
@@ -126,8 +130,7 @@ class TestScript:
 
     def test_without_satisfaction_the_mean_robustness_decides(self, agent: Callable[[int], Any]) -> None:
         agent(6).actions = [0, 1, 2, 0]  # x_8 is x_0 - 4, x_0, x_0 + 4, at most 5
-        found = trial.run_cell(self.cell()).measurement
-        assert found is not None
+        found = self.measured()
         assert found.selected_steps == 6
         assert [point.satisfaction for point in found.curve] == [0, 0, 0, 0]
         assert np.diff([point.robustness_mean for point in found.curve]) == pytest.approx([4, 4, -8])
@@ -135,8 +138,7 @@ class TestScript:
     def test_of_an_agent_that_reports_nothing_the_final_policy_is_selected(self, agent: Callable[[int], Any]) -> None:
         script = agent(2)
         script.actions, script.more = [], 3
-        found = trial.run_cell(self.cell()).measurement
-        assert found is not None
+        found = self.measured()
         assert found.selected == found.final
         assert [(point.steps, point.starts) for point in found.curve] == [(6, 4)]
         assert found.selected_steps == 6
@@ -162,8 +164,7 @@ class TestScript:
         with pytest.raises(RuntimeError, match=said):
             trial.run_cell(self.cell())
         script.Script.trains = False
-        found = trial.run_cell(self.cell()).measurement
-        assert found is not None
+        found = self.measured()
         assert found.env_steps == 0
 
     @pytest.mark.parametrize(
@@ -215,28 +216,30 @@ PLANNER_ENTRIES = "[stlbench.agents]\nzz-reward = zz_plan:Reward\nzz-formula = z
 
 class TestPlanned:
     @pytest.fixture
-    def planned(self, site: Callable[..., Path]) -> Callable[[str], Measurement | None]:
+    def planned(self, site: Callable[..., Path]) -> Callable[[str], Measurement]:
         task = line_task.text(formula="F[8,8] (x >= 0)")
         files = {"__init__.py": "", "system.py": SYSTEM, "task.yaml": task}
         site("zz-trial", ENTRIES, {f"zz_trial/{name}": text for name, text in files.items()})
         site("zz-plan", PLANNER_ENTRIES, {"zz_plan.py": PLANNERS})
-        return lambda agent: (
-            trial.run_cell(Cell(CellId.parse(f"zz-line/raw/{agent}/0", "smoke"), 32 * "0", 60)).measurement
-        )
+
+        def measured(agent: str) -> Measurement:
+            found = trial.run_cell(Cell(CellId.parse(f"zz-line/raw/{agent}/0", "smoke"), 32 * "0", 60)).measurement
+            assert found is not None
+            return found
+
+        return measured
 
     def test_what_the_plan_expects_is_asked_at_the_starts_of_the_report(
-        self, planned: Callable[[str], Measurement | None]
+        self, planned: Callable[[str], Measurement]
     ) -> None:
         found = planned("zz-reward")
-        assert found is not None
         begin = starts.grid(load_task("zz-line").file.initial, 4)[:, 0]
         assert found.selected[MAIN].robustness == pytest.approx(begin - 4)
         assert found.planned == Planned("reward", pytest.approx(2 * begin.mean()))
         assert (found.env_steps, found.selected) == (0, found.final)
 
-    def test_a_plan_that_does_not_say_what_it_expects(self, planned: Callable[[str], Measurement | None]) -> None:
+    def test_a_plan_that_does_not_say_what_it_expects(self, planned: Callable[[str], Measurement]) -> None:
         found = planned("zz-formula")
-        assert found is not None
         assert found.planned is not None
         assert found.planned.maximised == "formula"
         assert np.isnan(found.planned.value)

@@ -96,10 +96,7 @@ def test_what_a_trial_holds_is_a_variant_of_the_task_and_of_the_agent() -> None:
     (entrant,) = entrants(said)
     values = {**entrant.shared, "gamma": 0.98, "hold": 20}
     cells = entrant.cells(values, said)
-    assert [cell.id.name for cell in cells] == [
-        "robot-nav[hold=20]/raw/dqn[gamma=0.98]/100",
-        "robot-nav[hold=20]/raw/dqn[gamma=0.98]/101",
-    ]
+    assert [cell.id.name for cell in cells] == [f"robot-nav[hold=20]/raw/dqn[gamma=0.98]/{n}" for n in (100, 101)]
 
 
 def test_a_trial_that_failed_is_kept_and_never_chosen_and_one_failed_seed_fails_it() -> None:
