@@ -138,7 +138,7 @@ def test_returns_that_stop(
     assert batch.arrived[:, 0].tolist() == arrived
 
 
-def test_a_place_in_the_ring_after_which_nothing_followed_is_forgotten_when_it_is_written_again() -> None:
+def test_a_place_in_the_ring_that_is_written_again_forgets_its_end() -> None:
     replay, here = Replay(2, 1, 1, 1, 0.5, scale=2), np.zeros((1, 1))
     for yes in (True, True, False, False):
         flag = np.array([yes])

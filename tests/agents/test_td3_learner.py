@@ -138,7 +138,7 @@ def test_weights_move_as_with_torchs_adam() -> None:
     assert made.actor.online == pytest.approx(actor.detach().numpy(), rel=0, abs=1e-6)
 
 
-def test_first_weights_are_bounded_by_their_layers_inputs_and_the_actors_last_are_small() -> None:
+def test_first_weights_are_bounded_by_their_inputs_and_the_actors_last_are_small() -> None:
     made = new(net_arch=(64, 16))
     for flat, layers, inputs, last in (
         (made.actor.online, made.networks.actor, INPUTS, 0.1),
@@ -166,7 +166,7 @@ def test_the_policy_spans_the_box_and_is_frozen() -> None:
     np.testing.assert_array_equal(policy.act(observation), vectors)
 
 
-def test_actions_in_training_are_those_of_the_current_weights_with_noise_within_the_box() -> None:
+def test_actions_in_training_are_of_the_current_weights_with_noise_within_the_box() -> None:
     made = learner()
     made.actor.average[:] = 0  # the current ones are others
     observation, noise = (np.random.default_rng(seed).normal(size=(50, size)) for seed, size in ((0, INPUTS), (1, 2)))

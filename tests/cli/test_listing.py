@@ -12,7 +12,7 @@ from typer.testing import Result
 from stlbench.registry import plugins
 
 
-def test_methods_with_their_distribution_and_parameters_and_a_broken_plugin_is_a_warning(say, toy):
+def test_methods_have_distribution_and_parameters_and_a_broken_plugin_is_a_warning(say, toy):
     done = say("list", "methods", "--json")
     assert done.exit_code == 0
     assert next(each for each in json.loads(done.stdout) if each["name"] == "toy-raw") == {

@@ -30,7 +30,7 @@ def test_without_a_name_it_lists_what_there_is() -> None:
     assert "suite:unicycle" in CliRunner().invoke(app, ["suite", "list"]).stdout
 
 
-def test_an_unknown_part_is_answered_with_few_names_and_a_task_of_no_suite_with_how_they_are_named() -> None:
+def test_an_unknown_part_gets_few_names_and_a_task_of_no_suite_how_they_are_named() -> None:
     nothing, alone = (CliRunner().invoke(app, ["suite", "list", name]) for name in ("suite:nothing", "reach-stay"))
     assert (nothing.exit_code, alone.exit_code) == (2, 2)
     assert nothing.stderr.startswith("error: suite suite has no 'nothing'; there are: dev, core, hard, fresh, quick, ")

@@ -147,7 +147,7 @@ for outcome in DaskExecutor(address=sys.argv[1]).run(victims.leave_pid, items, [
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
-def test_where_the_parent_is_interrupted_or_killed_what_runs_ends_and_what_is_queued_does_not_begin(
+def test_where_the_parent_ends_what_runs_ends_and_what_is_queued_does_not_begin(
     two: Cluster, tmp_path: Path, sent: signal.Signals
 ) -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

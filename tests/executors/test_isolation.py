@@ -33,7 +33,7 @@ def test_the_number_type_of_torch_stays_with_the_cell_that_sets_it():
     assert (found[0].value, found[1].value["dtype"]) == ("dtype", "torch.float32")
 
 
-def test_a_process_that_an_item_leaves_ends_with_it_though_it_left_session_and_parent(tmp_path):
+def test_a_process_that_an_item_leaves_ends_with_it_also_in_another_session(tmp_path):
     items = [f"daemon {tmp_path / name}" for name in "abc"]
     found = outcomes(victims.family, items)
     assert [outcome.value for outcome in found.values()] == ["left one"] * 3

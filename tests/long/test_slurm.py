@@ -78,7 +78,7 @@ def test_an_array_of_shards_gives_the_study(cluster: slurm_cluster.Cluster) -> N
     check_merged()
 
 
-def test_a_cancelled_shard_leaves_no_process_and_goes_on_when_its_job_is_queued_again(
+def test_a_cancelled_shard_leaves_no_process_and_goes_on_when_it_is_queued_again(
     cluster: slurm_cluster.Cluster,
 ) -> None:
     queue("--array=1")

@@ -274,7 +274,7 @@ OTHERS = ("annulus", "ball-in-cup", "cartpole", "fetch-reach", "pendulum", "reac
 
 
 @pytest.mark.parametrize("task", [*BEGINS, *OTHERS])
-def test_the_authors_variant_pays_something_else_where_a_funnel_begins_with_its_interval(task: str) -> None:
+def test_the_authors_variant_differs_where_a_funnel_begins_with_its_interval(task: str) -> None:
     spec = load_task(task).specification
     found = equal_payments({"one": payments(Funnel(spec)), "other": payments(Funnel(spec, variant="code"))})
     assert [difference.constant for difference in found if difference.constant is not None] == [0] * (task in OTHERS)

@@ -59,7 +59,7 @@ def test_what_is_no_name_is_refused(name):
         CellId.parse(name, "smoke")
 
 
-def test_a_cell_is_found_by_name_however_it_is_written_and_by_budget_where_there_are_several():
+def test_a_cell_is_found_by_name_and_by_budget_where_there_are_several():
     one, other, third = CELL, replace(CELL, budget="paper"), replace(CELL, seed=4)
     assert find_cell([one, third], NAME) == one
     assert find_cell([one, other, third], NAME, "paper") == other

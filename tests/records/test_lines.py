@@ -59,7 +59,7 @@ def test_what_was_removed_or_merged_is_so_in_the_lines(folder, tmp_path):
 
 
 @pytest.mark.parametrize("left", [1, 30, 400])
-def test_a_last_line_that_was_cut_is_left_out_with_a_remark_and_the_next_takes_its_place(folder, left):
+def test_a_last_line_that_was_cut_is_left_out_and_the_next_takes_its_place(folder, left):
     text = (folder / LINES).read_text()
     (folder / LINES).write_text(text + text[:left])
     (folder / FILE).unlink()
@@ -76,7 +76,7 @@ def test_a_last_line_that_lacks_its_end_alone_counts(folder):
     assert seeds(folder) == [0, 1, 2, 3]
 
 
-def test_a_line_that_is_cut_within_the_file_is_refused_and_so_is_a_text_that_no_run_wrote(folder):
+def test_a_line_that_is_cut_within_the_file_is_refused_and_so_is_another_text(folder):
     text = (folder / LINES).read_text()
     (folder / LINES).write_text(text[:50] + "\n" + text)
     with pytest.raises(UsageError, match="line 1: not a result as"):
@@ -163,7 +163,7 @@ def recording(folder, begin):
 
 
 @pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
-def test_whenever_a_run_is_killed_all_that_was_announced_is_in_the_ledger_and_in_the_lines(tmp_path):
+def test_whenever_a_run_is_killed_what_was_announced_is_in_ledger_and_lines(tmp_path):
     announced = list[int]()
     for kill in range(12):
         process, pipe = recording(tmp_path, len(announced))

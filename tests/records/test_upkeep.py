@@ -168,7 +168,7 @@ def test_a_failure_gives_way_to_a_result_whenever_either_was_measured(tmp_path):
     assert Results.load(source).results == Results.load(into).results
 
 
-def test_other_scores_under_the_same_key_are_named_and_those_of_an_edited_plugin_are_not(tmp_path):
+def test_other_scores_under_the_same_key_are_named_but_not_of_an_edited_plugin(tmp_path):
     a, b, c = (result("funnel", seed) for seed in range(3))
     other = replace(result("funnel", 0, robustness=(0.1, 0.2)), key=a.key)
     slower = replace(result("funnel", 1, training_cpu_seconds=99.0), key=b.key)

@@ -117,7 +117,7 @@ def test_the_items_of_a_list_are_joined_by_plus():
     assert checked("x[hidden=32]") == {"hidden": (32,)}
 
 
-def test_the_choice_overrides_the_defaults_and_what_is_not_given_is_left_to_the_constructor():
+def test_the_choice_overrides_the_defaults_and_the_constructor_has_the_rest():
     assert checked("x") == {}
     assert checked("x[ginf=0.5]", {"ginf": 0.1, "hidden": [8, 8]}) == {"ginf": 0.5, "hidden": (8, 8)}
 

@@ -106,7 +106,7 @@ def packages(site, monkeypatch):
     fingerprints._all_distributions.cache_clear()
 
 
-def test_installed_distributions_count_by_their_version_and_pythons_own_modules_do_not(packages):
+def test_installed_distributions_count_by_version_and_pythons_own_do_not(packages):
     installed = {
         "site-packages/zz_lib/__init__.py": "a = 1\n",
         "site-packages/Zz_Lib-3.4.dist-info/METADATA": "Metadata-Version: 2.1\nName: Zz_Lib\nVersion: 3.4\n",
@@ -151,7 +151,7 @@ DATA = {
 }
 
 
-def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people_or_written_by_runs(site):
+def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people(site):
     root = site("acme", "", FILES | DATA | {"zz_pack/one.py": "x = 1\n"})
     found = dict(code_of("zz_pack.one").files)
     assert found.keys() == {"zz_pack", "zz_pack.one", "zz_pack/table.npz", "zz_pack/data/deep/model.xml"}
@@ -229,7 +229,7 @@ def test_the_revision_of_an_own_plugin_is_that_of_its_class():
                 assert plugin.revision == vars(plugin.load()).get("revision", 1)
 
 
-def test_the_harness_is_what_trains_and_scores_and_neither_reports_nor_the_command_line():
+def test_the_harness_is_what_trains_and_scores_and_no_report_or_command_line():
     names = {name for name, _ in code_of("stlbench.study.trial").files}
     assert {"stlbench.simulation.referee", "stlbench.stl.recorded", "stlbench.task.starts"} <= names
     others = ("stlbench.cli", "stlbench.report", "stlbench.gate", "stlbench.records.ledger", "stlbench.study.run")

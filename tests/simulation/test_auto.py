@@ -54,7 +54,7 @@ def test_the_agent_follows_from_the_actions() -> None:
         ("cartpole-steady", "dqn", 0.96),  # at least once in 10 decisions
     ],
 )
-def test_the_discount_reaches_over_20_steps_a_quarter_of_an_episode_or_a_window_that_recurs(
+def test_the_discount_reaches_over_20_steps_a_quarter_of_an_episode_or_a_window(
     name: str, agent: str, discount: float
 ) -> None:
     assert recipe(agent, load_task(name))["gamma"] == discount

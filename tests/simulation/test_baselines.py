@@ -53,7 +53,7 @@ def test_in_a_box_it_is_found_beyond_corners_and_middle() -> None:
     assert baselines.constants(task) == found
 
 
-def test_a_task_whose_zero_satisfies_is_trivial_and_one_that_asks_for_two_actions_is_not() -> None:
+def test_a_task_whose_zero_satisfies_is_trivial_and_one_of_two_actions_is_not() -> None:
     assert baselines.constants(line(formula="G[0,8] (x <= 2)")).trivial
     there_and_back = line(formula="F[0,8] (x >= 1.5) & F[0,8] (x <= -1.5)", initial={"box": {"x": [-0.1, 0.1]}})
     assert not baselines.constants(there_and_back).trivial

@@ -39,7 +39,7 @@ def test_the_interval_is_that_of_scipys_welch_test():
     assert found.alone == found.chance == min(look.chance for look in exact_test(*Pair(one, other).samples))
 
 
-def test_a_complete_separation_of_ten_seeds_is_decided_among_a_hundred_pairs_whatever_the_tail():
+def test_a_complete_separation_of_ten_seeds_is_decided_among_a_hundred_pairs():
     """Welch's test alone had p = 0.03 here: the seeds that failed have a tail. So it was on `cartpole`."""
     failed = [-0.1, -0.2, -0.2, -0.3, -0.3, -0.4, -0.5, -0.8, -2.0, -6.0]
     learned = [0.09 + 0.001 * i for i in range(10)]
@@ -170,7 +170,7 @@ def test_the_number_of_seeds_decides_in_four_of_five_cases_or_more(difference, m
     assert decided / rounds >= 0.8 - 3 * math.sqrt(0.8 * 0.2 / rounds)
 
 
-def test_the_number_of_seeds_is_at_least_that_of_which_a_separation_decides_in_the_family():
+def test_the_number_of_seeds_is_one_of_which_a_separation_decides_in_the_family():
     apart = Pair([1.0, 1.1, 1.2, 1.3, 1.4], [0.0, 0.1, 0.2, 0.3, 0.4])
     for others in (0, 9, 99):
         found, *_ = differences([apart, *[Pair(NORMAL, NORMAL)] * others])

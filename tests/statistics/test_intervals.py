@@ -45,7 +45,7 @@ def test_constant_values_have_an_interval_without_width():
 
 @settings(max_examples=25, deadline=None)
 @given(seeds, st.randoms())
-def test_intervals_depend_on_the_values_and_not_on_their_order_and_that_of_the_median_stays_among_them(values, random):
+def test_intervals_do_not_depend_on_the_order_and_the_median_s_is_among_the_values(values, random):
     shuffled = values.copy()
     random.shuffle(shuffled)
     assert mean_interval(values) == mean_interval(shuffled)

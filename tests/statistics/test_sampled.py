@@ -18,7 +18,7 @@ def test_every_task_has_the_same_weight_however_many_seeds_it_has() -> None:
     assert across.sample_difference([np.array([1.0, 0.0])], [np.array([0.25])]).value == 0.25
 
 
-def test_fewer_than_eight_tasks_have_no_interval_and_the_order_of_seeds_changes_nothing() -> None:
+def test_fewer_than_eight_tasks_have_no_interval_and_the_order_changes_nothing() -> None:
     assert across.sample_mean(TASKS[:7]).interval is None
     assert across.sample_mean(TASKS).interval is not None
     assert across.sample_mean([seeds[::-1] for seeds in TASKS]) == across.sample_mean(TASKS)

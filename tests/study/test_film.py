@@ -59,7 +59,7 @@ def test_pace(steps, dt, count, speed):
     assert len(set(found.samples.tolist())) == count
 
 
-def test_the_best_start_is_on_the_left_and_the_worst_on_the_right_and_signals_grow_with_time():
+def test_the_best_start_is_left_the_worst_right_and_signals_grow_with_time():
     figure, update, _, remark = film.scene(task(), RECORDING, ROBUSTNESS)
     left, right = figure.axes
     assert left.get_title() == "best start: robustness 2"

@@ -39,7 +39,7 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path,
         assert [result.id for result in ledger.results()] == [cell.id for cell in cells]
 
 
-def test_what_is_not_compiled_is_compiled_before_the_first_cell_and_the_caller_is_told(tmp_path, monkeypatch):
+def test_what_is_not_compiled_is_so_before_the_first_cell_and_the_caller_is_told(tmp_path, monkeypatch):
     cells, done = scripted_cells.cells("a", "b"), list[str]()
 
     class Compiles:
@@ -131,7 +131,7 @@ def test_an_executor_by_name():
         build_executor("locale")
 
 
-def test_cells_are_run_by_the_trial_and_the_executor_is_told_what_to_load_and_where_logs_go(tmp_path):
+def test_the_executor_is_told_what_to_run_what_to_load_and_where_logs_go(tmp_path):
     seen = []
 
     class Remembers(Here):

@@ -56,7 +56,7 @@ def test_what_satisfies_a_formula_satisfies_what_the_track_auto_derives(formula:
     assert (satisfied(changed, batch, NAMES) >= satisfied(formula, batch, NAMES)).all()
 
 
-def test_what_satisfies_the_derived_form_of_an_alternative_may_not_satisfy_the_formula() -> None:
+def test_what_satisfies_the_derived_form_may_not_satisfy_the_formula() -> None:
     """At either step another of the two holds."""
     formula = parse("F[0,0] (G[0,1] x >= 1 | G[0,1] x <= -1)")
     trace = np.array([[[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0]]])

@@ -83,7 +83,7 @@ def test_starts_and_ranges_of_the_paper() -> None:
     assert load_task("overlap").file.hold * load_task("overlap").file.sampling_time == 0.5
 
 
-def test_the_coarse_disc_has_another_sampling_time_and_turning_rates_as_the_authors_program() -> None:
+def test_the_coarse_disc_has_sampling_time_and_turning_rates_of_the_authors_program() -> None:
     fine, coarse = load_task("hold-disc"), load_task("hold-disc-coarse")
     words = {"title", "notes", "agents", "best_known", "baselines", "budgets"}
     one, other = (task.file.model_dump(exclude=words) for task in (fine, coarse))

@@ -36,7 +36,7 @@ def test_the_ablation_leaves_out_each_part_of_each_recipe_of_the_papers_tasks_on
     assert (len(study.methods or ()), len(study.seeds or ())) == (3, 5)
 
 
-def test_the_ablation_on_auto_leaves_out_each_part_that_the_rules_derive_for_tasks_that_are_not_trivial() -> None:
+def test_the_ablation_on_auto_leaves_out_each_part_that_the_rules_derive() -> None:
     study = Study.of({}, Path(__file__).parents[2] / "studies/auto-ablation.yaml")
     tasks = [task for task in map(load_task, PAPER) if not constants(task).trivial]
     derived = {task.name: on_track(task, Choice(own_agent_on(task, "auto")), "auto").file for task in tasks}

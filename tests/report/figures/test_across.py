@@ -44,7 +44,7 @@ def test_the_numbers_on_the_axis_lie_around_the_data(ends, texts):
     assert [text for _, text in ticks(*ends)] == texts
 
 
-def test_each_method_has_its_aggregate_in_each_field_and_its_profile_in_the_colour_that_it_is_given():
+def test_each_method_has_its_aggregates_and_its_profile_in_its_colour():
     left, right = across_tasks([EVERY, COMMON], COLOURED).axes
     colours = [COLOURED["bad"], COLOURED["good"]]
     assert [line.get_color() for line in right.lines] == colours

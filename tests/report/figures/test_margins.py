@@ -116,7 +116,7 @@ def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_said():
     assert BAND_ELSEWHERE not in legend(form)
 
 
-def test_bounds_on_the_rewarded_form_are_not_drawn_over_the_own_predicate_and_it_is_said():
+def test_bounds_on_the_rewarded_form_are_not_drawn_over_the_own_predicate():
     own = figure(OWN, bands=rewarded_band(), rewarded=REWARDED)
     assert drawn(own.axes[0], BOUNDS) == []
     assert BAND_ELSEWHERE in legend(own)

@@ -55,7 +55,7 @@ def legend(figure):
 
 
 class TestRobustness:
-    def test_every_seed_is_a_point_in_the_colour_of_its_method_and_the_median_stands_under_it(self):
+    def test_every_seed_is_a_point_in_its_method_s_colour_and_the_median_is_under_it(self):
         colours = colours_of(GROUPS)
         (axes,) = robustness_by_method(GROUPS, METRES, colours).axes
         drawn = [sorted(map(float, line.get_xdata())) for line in axes.lines]
@@ -68,7 +68,7 @@ class TestRobustness:
         assert labels == ["flag\n1 of 2 seeds, 1 timeout", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
         assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
 
-    def test_methods_near_zero_are_told_apart_and_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers(self):
+    def test_methods_near_zero_are_told_apart_and_what_is_beyond_the_axis_is_an_arrow(self):
         figure = robustness_by_method(pendulum(), Scale("rad or rad/s", math.inf), colours_of(pendulum()))
         (axes,) = figure.axes
         assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]"
@@ -124,7 +124,7 @@ class TestLearning:
         assert left.get_ylim() == (-4, 104)
         assert right.get_ylim() == pytest.approx((-1 - 0.075, 0.5 + 0.075))
 
-    def test_agent_and_budget_are_named_where_they_differ_and_a_single_checkpoint_is_a_point(self):
+    def test_agent_and_budget_are_named_where_they_differ_and_one_checkpoint_is_a_point(self):
         once = curve((100, 1.0, 0.1))
         groups = condense([result(), result(agent="sb3-dqn"), result(budget="paper", curve=once)])
         figure = learning_curves(groups, METRES, colours_of(groups))
@@ -151,7 +151,7 @@ class TestLearning:
         assert [text.get_text() for text in right.texts] == ["-160"]
 
 
-def test_a_task_at_a_glance_has_a_row_per_group_above_and_a_panel_per_group_with_traces_below():
+def test_a_task_at_a_glance_has_a_row_per_group_and_a_panel_per_group_with_traces():
     """All panels show the same part of the plane; traces that leave it are counted in the panel and in the legend."""
     plane = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xy"}
     task = line(signals=plane, plane=["x", "y"], formula="G[0,4] x <= 1")

@@ -89,7 +89,7 @@ def test_what_belongs_to_no_method_has_no_colour_of_a_method():
     assert not {INK, TRACE, MARK, BOUNDS} & {*COLOURS}
 
 
-def test_twenty_terms_all_look_different_and_none_has_a_colour_of_the_time_along_a_trace():
+def test_twenty_terms_all_look_different_and_none_has_a_colour_of_time():
     assert len({term_style(i) for i in range(20)}) == 20
     times = colormaps[TIME](np.linspace(0, 1, 256))[:, :3]
     for i in range(5):

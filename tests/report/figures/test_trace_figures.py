@@ -75,7 +75,7 @@ def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run,
     assert [[str(group.setting.method) for group in groups] for groups in shown] == [["funnel"]]
 
 
-def test_a_seed_without_traces_is_said_and_a_method_that_is_gone_has_no_bounds_but_its_traces(run):
+def test_a_seed_without_traces_is_said_and_a_method_that_is_gone_has_no_bounds(run):
     gone = run.save(synthetic_results.result("gone[beta=2]"))
     names = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1), gone)
     assert {"time-hold-disc-funnel-dqn-quick.png", "time-hold-disc-gone[beta=2]-dqn-quick.png"} < names

@@ -53,7 +53,7 @@ class TestRegion:
         assert margin == pytest.approx([0.5, 0.3, -1])
         assert truth.tolist() == [True, True, False]
 
-    def test_signals_that_psi_does_not_read_do_not_matter_and_too_many_that_it_reads_leave_no_region(self):
+    def test_signals_that_psi_does_not_read_do_not_matter_and_too_many_leave_no_region(self):
         signals = {name: {"low": 0, "high": 1} for name in "abcdef"}
         terms = line(
             signals=signals,
@@ -105,7 +105,7 @@ class TestPlane:
         assert set(zip(start.get_xdata(), start.get_ydata(), strict=True)) == {(2.0, 2.0)}
         assert np.hypot(end.get_xdata() - 2, end.get_ydata() - 2) == pytest.approx(np.ones(16))
 
-    def test_the_region_is_the_disc_and_the_picture_shows_it_and_the_traces_and_little_more(self):
+    def test_the_region_is_the_disc_and_the_picture_shows_it_and_the_traces(self):
         contour = [entry for entry in self.axes.collections if not isinstance(entry, LineCollection)][-1]
         vertices = np.concatenate([path.vertices for path in contour.get_paths()])
         assert np.hypot(*(vertices - 2).T) == pytest.approx(np.ones(len(vertices)), abs=0.002)
@@ -146,7 +146,7 @@ def colours_of(figure):
     return [tuple(box.get_edgecolor()) for box in boxes]
 
 
-def test_no_two_terms_of_a_legend_look_alike_and_a_term_without_a_region_has_an_empty_box():
+def test_no_two_terms_of_a_legend_look_alike_and_one_without_a_region_is_empty():
     task = load_task("formation")
     traces = np.zeros((2, task.file.steps + 1, len(task.signals)))
     figure = trajectories(task, Recording(traces, seeds=1), "formation")
@@ -212,7 +212,7 @@ def straight(end, signals):
     return np.linspace(0, end, 9)[None, :, None] * np.ones(signals)
 
 
-def test_plans_have_a_panel_each_in_one_view_of_the_plane_and_else_signals_against_time_with_equal_ranges():
+def test_plans_have_a_panel_each_in_one_view_of_the_plane_or_of_the_signals():
     task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1")
     first, second, _ = planned(task, [Plan("a", 0.25, 1.0, straight(4, 2)), Plan("b", -3.0, 0.5, straight(8, 2))]).axes
     assert first.get_title() == "a\nrobustness 0.25, satisfies from 100 %"

@@ -29,7 +29,7 @@ RESULTS = [
 ]
 
 
-def test_robustness_is_normalised_from_random_to_best_and_what_does_not_fit_has_no_score():
+def test_robustness_is_normalised_and_what_does_not_fit_has_no_score():
     every, common = fields(condense(RESULTS), Known(STANDARDS, {Choice("one"): 3.0}))
     assert (every.name, common.name) == ("all 4", "3 of 4, all methods fit")
     bad, good = every.entries
@@ -72,7 +72,7 @@ def test_tasks_count_if_they_are_no_ablation_by_their_own_agent_and_on_a_known_s
     assert fields(condense(RESULTS), Known(flat)) == ()
 
 
-def test_methods_that_were_not_tried_everywhere_are_left_out_and_budgets_and_tracks_stay_apart():
+def test_methods_not_tried_everywhere_are_left_out_and_budgets_and_tracks_apart():
     some = seeds("special", 1.0, task="one")
     plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS]
     found = fields(condense([*RESULTS, *some, *plain]), Known(STANDARDS))
@@ -90,7 +90,7 @@ def test_two_tasks_or_one_method_have_no_aggregate():
     assert fields(condense(RESULTS[:8]), Known(STANDARDS)) == ()
 
 
-def test_a_method_that_does_not_fit_has_no_rank_there_and_its_rival_is_ranked_among_fewer():
+def test_a_method_that_does_not_fit_has_no_rank_and_its_rival_is_among_fewer():
     """By hand: on `four` only good and third are ranked, so bad has 3, 3, 3 and good 1, 1, 1 and 2 on `four`."""
     third = [
         each for task in TASKS for each in seeds("third", *((0.95,) * 2 if task == "four" else (0.5,) * 2), task=task)

@@ -51,7 +51,7 @@ def test_what_reward_and_learner_lose() -> None:
     assert (row.reward_loses, row.learner_loses) == (pytest.approx(0.35), pytest.approx(0.1))
 
 
-def test_a_setting_is_what_the_task_is_without_and_the_agents_parameters_but_the_resolution() -> None:
+def test_a_setting_is_what_is_left_out_and_the_agents_parameters_but_the_resolution() -> None:
     cells = [
         overlap(),
         overlap(agent="planner[resolution=0.5]"),
@@ -63,7 +63,7 @@ def test_a_setting_is_what_the_task_is_without_and_the_agents_parameters_but_the
     assert settings == ["recipe", "gamma=1", "without=cuts+ends, gamma=1", "without=ends"]
 
 
-def test_only_what_was_learned_in_the_same_setting_by_the_tasks_own_agent_is_beside_a_plan() -> None:
+def test_only_what_the_own_agent_learned_in_the_same_setting_is_beside_a_plan() -> None:
     others = [
         learned(9, agent="sb3-td3"),
         learned(9, agent="td3[n_steps=3]"),

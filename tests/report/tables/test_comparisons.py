@@ -56,7 +56,7 @@ def test_the_margin_is_a_share_of_the_best_known_or_of_what_is_reached_by_hand()
     assert found == [pytest.approx(0.02), pytest.approx(0.01), None]
 
 
-def test_methods_that_pay_the_same_are_not_tested_unless_their_difference_is_a_function_of_time():
+def test_methods_that_pay_the_same_are_not_tested_but_for_a_function_of_time():
     groups = condense(RESULTS)
     same = {"hold-disc": References(alike=alike("hold-disc", flag_funnel="=", flag_raw="~"))}
     found = compare(groups, Known(same, BEST))

@@ -76,7 +76,7 @@ def test_learned_is_95_percent_of_the_starts():
     assert found == {20: (1, 1, 1), 10: (0, 0, 1)}
 
 
-def test_a_task_by_two_agents_has_two_rows_and_an_ablation_the_controller_of_its_task():
+def test_a_task_by_two_agents_has_two_rows_and_an_ablation_its_task_s_controller():
     results = [
         result(agent="dqn", task="overlap"),
         result(agent="sb3-dqn", task="overlap"),

@@ -102,7 +102,7 @@ def test_marks_are_a_column_where_there_are_any():
     assert "mark" not in [column.title for column in robustness_table(groups[1:], Known()).columns]
 
 
-def test_the_conjunct_that_failed_first_is_counted_and_each_further_protocol_is_a_column():
+def test_what_failed_first_is_counted_and_each_further_protocol_is_a_column():
     results = [
         result(seed=0, first_failed={"G[0,1] a > 0": 3, "F[0,2] b > 0": 2}, further={"paper": (0.9, 0.7)}),
         result(seed=1, first_failed={"F[0,2] b > 0": 3}, further={"paper": (0.6,)}),
@@ -114,7 +114,7 @@ def test_the_conjunct_that_failed_first_is_counted_and_each_further_protocol_is_
     assert cell(table, "failed first", 1) == FirstFailed("F[0,2] b > 0", 5, 8)
 
 
-def test_groups_are_told_apart_by_task_method_agent_and_budget_and_can_be_narrowed_down_to_some_cells():
+def test_groups_are_of_task_method_agent_and_budget_and_can_be_narrowed_down():
     results = [result(), result(task="other"), result("flag"), result(agent="sb3-dqn"), result(budget="paper")]
     table = robustness_table(condense(results), Known())
     assert len(table.rows) == 5
