@@ -8,38 +8,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from stlbench.stl import (
-    And,
-    Binary,
-    Call,
-    Expression,
-    Formula,
-    Implies,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Predicate,
-    Signal,
-    TrueFormula,
-)
+from stlbench import stl
 
 #: stands for a margin of 0, with the sign of the verdict
 SMALLEST = 2.0**-1022
 
 
-def value(node: Expression, sample: Mapping[str, float]) -> float:
+def value(node: stl.Expression, sample: Mapping[str, float]) -> float:
     """The value at one sample."""
     match node:
-        case Number(number):
+        case stl.Number(number):
             return number
-        case Signal(name):
+        case stl.Signal(name):
             return sample[name]
-        case Negative(arg):
+        case stl.Negative(arg):
             return -value(arg, sample)
-        case Binary(op, left, right):
+        case stl.Binary(op, left, right):
             return arithmetic(op, value(left, sample), value(right, sample))
-        case Call(name, args):
+        case stl.Call(name, args):
             return call(name, [value(arg, sample) for arg in args])
 
 
@@ -82,15 +68,15 @@ def call(name: str, args: list[float]) -> float:
             raise NotImplementedError(name)
 
 
-def margin(psi: Formula, sample: Mapping[str, float]) -> float:
+def margin(psi: stl.Formula, sample: Mapping[str, float]) -> float:
     """The robustness at one sample."""
     return _walked(psi, lambda node: _difference(node, sample), math.inf)
 
 
-def signed(psi: Formula, sample: Mapping[str, float]) -> float:
+def signed(psi: stl.Formula, sample: Mapping[str, float]) -> float:
     """The robustness, where a predicate's margin of 0 has the sign of its verdict."""
 
-    def predicate(node: Predicate) -> float:
+    def predicate(node: stl.Predicate) -> float:
         h = _difference(node, sample)
         if h == 0:
             return SMALLEST if node.op in ("<=", ">=") else -SMALLEST
@@ -99,35 +85,35 @@ def signed(psi: Formula, sample: Mapping[str, float]) -> float:
     return _walked(psi, predicate, math.inf)
 
 
-def satisfied(psi: Formula, sample: Mapping[str, float]) -> bool:
+def satisfied(psi: stl.Formula, sample: Mapping[str, float]) -> bool:
     """The verdict; a predicate without a value is false."""
 
-    def predicate(node: Predicate) -> float:
+    def predicate(node: stl.Predicate) -> float:
         h = _difference(node, sample)
         return 1.0 if h > 0 or (h == 0 and node.op in ("<=", ">=")) else -1.0
 
     return _walked(psi, predicate, 1.0) > 0
 
 
-def _difference(node: Predicate, sample: Mapping[str, float]) -> float:
+def _difference(node: stl.Predicate, sample: Mapping[str, float]) -> float:
     left, right = value(node.left, sample), value(node.right, sample)
     return right - left if node.op in ("<=", "<") else left - right
 
 
-def _walked(psi: Formula, predicate: Callable[[Predicate], float], true: float) -> float:
+def _walked(psi: stl.Formula, predicate: Callable[[stl.Predicate], float], true: float) -> float:
     """NaN as soon as one predicate is."""
     match psi:
-        case Predicate():
+        case stl.Predicate():
             return predicate(psi)
-        case TrueFormula():
+        case stl.TrueFormula():
             return true
-        case Not(arg):
+        case stl.Not(arg):
             return -_walked(arg, predicate, true)
-        case And(args):
+        case stl.And(args):
             return call("min", [_walked(arg, predicate, true) for arg in args])
-        case Or(args):
+        case stl.Or(args):
             return call("max", [_walked(arg, predicate, true) for arg in args])
-        case Implies(left, right):
+        case stl.Implies(left, right):
             return call("max", [-_walked(left, predicate, true), _walked(right, predicate, true)])
         case _:
             raise ValueError(psi)

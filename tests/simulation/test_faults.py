@@ -43,40 +43,14 @@ class Paying(Probe):
         return np.where(late, self.odd, rewards), memory
 
 
-class Forgetting(Probe):
-    """Loses a column of its memory."""
-
-    def step(self, *words: Any) -> tuple[Array, Array]:
-        rewards, memory = super().step(*words)
-        return rewards, memory[:, 1:]
+def odd(base: type[Any], name: str, **methods: Callable[..., Any]) -> Any:
+    """A class of this name, which does some things otherwise than the one that it is based on."""
+    return type(name, (base,), methods)
 
 
-class Blind(Probe):
-    """Shows the policy what is no number."""
-
-    def inputs(self, memory: Array) -> Array:
-        return np.where(memory > 2, NAN, memory)
-
-
-class Undecided(Latch):
-    """Says how far it is from its end."""
-
-    def over(self, memory: Array) -> Any:
-        return memory[:, 0] / 2
-
-
-class Ended(Latch):
-    """Says of all copies together that they are over."""
-
-    def over(self, memory: Array) -> Any:
-        return np.bool_(memory.all())
-
-
-class Elsewhere(Latch):
-    """Says other memories that are none."""
-
-    def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
-        return np.full_like(memory, NAN)
+def forgetting(self: Probe, *words: Any) -> tuple[Array, Array]:
+    rewards, memory = Probe.step(self, *words)
+    return rewards, memory[:, 1:]
 
 
 SPEC = line(hold=2).specification
@@ -86,8 +60,14 @@ SPEC = line(hold=2).specification
     ("method", "said"),
     [
         (Paying(SPEC), "method Paying: reward is nan at step 4 in 2 of 3 copies"),
-        (Forgetting(SPEC, 2), r"method Forgetting: the shape of its memory is \(3, 0\), the contract says \(3, 2\)"),
-        (Blind(SPEC, 1), "method Blind: input is nan at step 4 in 3 of 3 copies"),
+        (
+            odd(Probe, "Forgetting", step=forgetting)(SPEC, 2),
+            r"method Forgetting: the shape of its memory is \(3, 0\), the contract says \(3, 2\)",
+        ),
+        (
+            odd(Probe, "Blind", inputs=lambda _, memory: np.where(memory > 2, NAN, memory))(SPEC, 1),
+            "method Blind: input is nan at step 4 in 3 of 3 copies",
+        ),
     ],
 )
 def test_what_a_method_gives(method: RewardMethod, said: str) -> None:
@@ -96,18 +76,18 @@ def test_what_a_method_gives(method: RewardMethod, said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("name", "function", "said"),
     [
-        (Undecided, "method Undecided: over gives float64, the contract says whether: bool"),
-        (Ended, r"method Ended: the shape of its over is \(\), the contract says \(3,\)"),
-        (Elsewhere, "method Elsewhere: memory is nan at step 0 in 3 of 3 copies"),
+        ("over", lambda _, memory: memory[:, 0] / 2, "over gives float64, the contract says whether: bool"),
+        ("over", lambda _, memory: np.bool_(memory.all()), r"the shape of its over is \(\), the contract says \(3,\)"),
+        ("counterfactual", lambda *words: np.full_like(words[3], NAN), "memory is nan at step 0 in 3 of 3 copies"),
     ],
 )
-def test_what_a_method_adds(kind: type[Latch], said: str) -> None:
+def test_what_a_method_adds(name: str, function: Callable[..., Any], said: str) -> None:
     task = line(hold=2)
-    environment = BatchEnvironment(task, kind(task.specification), 3, seed=0)
+    environment = BatchEnvironment(task, odd(Latch, "Odd", **{name: function})(task.specification), 3, seed=0)
     environment.reset()
-    with pytest.raises(PluginFault, match=f"^{said}$"):
+    with pytest.raises(PluginFault, match=f"^method Odd: {said}$"):
         _ = environment.step(STAY), environment.counterfactual(np.random.default_rng(0))
 
 
@@ -117,37 +97,21 @@ def test_an_installed_method_is_told_by_its_name(monkeypatch: pytest.MonkeyPatch
         stepped(Raw(SPEC))
 
 
-class Torn(Line):
-    """Is nowhere after it has been beyond 1."""
-
-    def step(self, state: Array, action: Array) -> Array:
-        return np.where(state > 1, NAN, super().step(state, action))
-
-
-class Wide(Line):
-    """Has one signal more than its file."""
-
-    def signals(self, state: Array) -> Array:
-        return np.concatenate([state, state], axis=-1)
-
-
-class Hidden(Line):
-    """Shows what is no number."""
-
-    def features(self, state: Array, t: Integers) -> Array:
-        return np.full((len(state), 2), INF)
-
-
 @pytest.mark.parametrize(
-    ("system", "said"),
+    ("name", "function", "said"),
     [
-        (Torn(0.5), "task line: signal x is nan at step 1 in 1 of 3 copies"),
-        (Wide(0.5), r"task line: the shape of its signals is \(3, 2\), the contract says \(3, 1\)"),
-        (Hidden(0.5), "task line: feature 0 is inf at step 0 in 3 of 3 copies"),
+        (
+            "step",
+            lambda _, state, action: np.where(state > 1, NAN, state),
+            "signal x is nan at step 1 in 1 of 3 copies",
+        ),
+        ("signals", lambda _, state: np.tile(state, 2), r"the shape of its signals is \(3, 2\), .* says \(3, 1\)"),
+        ("features", lambda _, state, t: np.full((3, 2), INF), "feature 0 is inf at step 0 in 3 of 3 copies"),
     ],
 )
-def test_what_a_system_gives(system: Line, said: str) -> None:
-    with pytest.raises(PluginFault, match=f"^{said}$"):
+def test_what_a_system_gives(name: str, function: Callable[..., Any], said: str) -> None:
+    system = odd(Line, "Odd", **{name: function})(0.5)
+    with pytest.raises(PluginFault, match=f"^task line: {said}$"):
         stepped(Probe(SPEC), Task(Choice("line"), line(hold=2).file, system))
 
 

@@ -72,9 +72,11 @@ def test_the_module_in_the_name_saves_the_import() -> None:
 
 
 def test_a_broken_task_leaves_the_others_alone_and_registering_again_changes_nothing(site: Callable[..., Path]) -> None:
-    site(
-        "broken", "[stlbench.tasks]\nbroken-one = broken_one:Nothing\n", {"broken_one.py": "raise OSError('no disk')\n"}
+    entries, files = (
+        "[stlbench.tasks]\nbroken-one = broken_one:Nothing\n",
+        {"broken_one.py": "raise OSError('no disk')\n"},
     )
+    site("broken", entries, files)
     try:
         stlbench.gym.register_all()
         with pytest.raises(plugins.PluginError, match=r"broken 1\.2 .*OSError: no disk"):
@@ -88,7 +90,7 @@ def test_a_broken_task_leaves_the_others_alone_and_registering_again_changes_not
         del gymnasium.registry["stlbench/broken-one-v0"]
 
 
-STATE = "finite numbers x, y, heading"
+STATES = ([2, 2], [2, 2, np.nan], "here", [[2, 2, 0], [2, 2, 0]], [[1], [1, 2]])
 
 
 @pytest.mark.parametrize(
@@ -98,10 +100,7 @@ STATE = "finite numbers x, y, heading"
         ("funnel[ginf=x]", {}, r"funnel\[ginf=x\]: ginf should be a number, got 'x'"),
         ("funnel,raw", {}, "'funnel,raw'"),
         ("raw", {"sate": [2, 2, 0]}, "no option 'sate'; did you mean 'state'"),
-        *(
-            ("raw", {"state": state}, STATE)
-            for state in ([2, 2], [2, 2, np.nan], "here", [[2, 2, 0], [2, 2, 0]], [[1], [1, 2]])
-        ),
+        *(("raw", {"state": state}, "finite numbers x, y, heading") for state in STATES),
     ],
 )
 def test_a_wrong_method_or_state_is_one_clear_line(method: str, options: dict[str, Any], message: str) -> None:
@@ -180,9 +179,8 @@ def test_an_action_outside_the_grid(action: Any) -> None:
 
 
 def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "stlbench.simulation.gymnasium.env.load_task", lambda name: line(actions={"v": {"low": -1, "high": 1}})
-    )
+    task = line(actions={"v": {"low": -1, "high": 1}})
+    monkeypatch.setattr("stlbench.simulation.gymnasium.env.load_task", lambda name: task)
     env, envs = StlEnv("line", "raw"), StlVectorEnv(2, "line", "raw")
     assert env.action_space == Box(-1, 1, (1,), np.float32)
     env.reset(options={"state": [0]})
@@ -237,13 +235,8 @@ def test_a_step_needs_a_reset() -> None:
 def test_it_is_gymnasiums_own_vector_environment_only_faster(task: str, method: str) -> None:
     """Entry by entry, masks and dtypes included, over the end of an episode and a seedless reset."""
     ours = make_vec(task, 3, method=method)
-    theirs = gymnasium.make_vec(
-        f"stlbench/{task}-v0",
-        3,
-        vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP},
-        method=method,
-    )
+    same: dict[str, Any] = {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}}
+    theirs = gymnasium.make_vec(f"stlbench/{task}-v0", 3, **same, method=method)
     assert isinstance(theirs, SyncVectorEnv)
     assert ours.metadata == theirs.metadata
     assert ours.observation_space == theirs.observation_space

@@ -251,9 +251,8 @@ def test_hindsight_would_pay_the_environments_reward_and_is_refused() -> None:
     from stable_baselines3.her import HerReplayBuffer
 
     def learn(**options: Any) -> SAC:
-        env = stlbench.wrap(
-            TimeLimit(Reach(), 5), "F x >= 0.3", names={"achieved_goal": ["x"]}, ranges={"x": (-1, 1)}, method="raw"
-        )
+        names: dict[str, Any] = {"names": {"achieved_goal": ["x"]}, "ranges": {"x": (-1, 1)}}
+        env = stlbench.wrap(TimeLimit(Reach(), 5), "F x >= 0.3", **names, method="raw")
         small: dict[str, Any] = {"policy_kwargs": {"net_arch": [4]}, "learning_starts": 10, "batch_size": 8, "seed": 0}
         return SAC("MultiInputPolicy", Monitor(env), **small, **options).learn(14)
 
