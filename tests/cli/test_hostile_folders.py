@@ -25,35 +25,17 @@ from stlbench.registry.choices import Choice
 from stlbench.study.results import Results
 
 CELL = "zz-evil/raw/zz-kept/0"
-READ = (
-    "report DIR",
-    "report DIR --json",
-    "report DIR --html",
-    "plot DIR",
-    f"show cell {CELL} DIR",
-    "verify DIR",
-    "verify DIR --repair",
-    f"falsify {CELL} --results DIR --evaluations 8",
-    "falsify --all --results DIR --evaluations 8",
-    f"certify {CELL} --results DIR --starts 8",
-    f"score zz-line {CELL} --results DIR",
-    f"render DIR {CELL}",
-    f"render DIR {CELL} --start-index 0 --format png",
-    f"export-policy {CELL} out.onnx --results DIR",
-    "export DIR",
-    "export DIR --format jsonl",
-    "compare DIR DIR",
-    "bundle DIR out.zip --title T --author A",
-    "verify out.zip",
-    "verify out.zip --rescore",
-    "policies list --results DIR",
-    f"policies get {CELL} got --results DIR",
-    f"policies run {CELL} --results DIR",
-    "run --tasks zz-evil --methods raw --results DIR",
-    "gate DIR",
-    "results merge merged DIR",
-    f"results remove DIR {CELL} --yes",
-)
+COMMANDS = f"""\
+report DIR; report DIR --json; report DIR --html; plot DIR; show cell {CELL} DIR; verify DIR; verify DIR --repair
+falsify {CELL} --results DIR --evaluations 8; falsify --all --results DIR --evaluations 8
+certify {CELL} --results DIR --starts 8; score zz-line {CELL} --results DIR
+render DIR {CELL}; render DIR {CELL} --start-index 0 --format png; export-policy {CELL} out.onnx --results DIR
+export DIR; export DIR --format jsonl; compare DIR DIR; bundle DIR out.zip --title T --author A
+verify out.zip; verify out.zip --rescore; policies list --results DIR; policies get {CELL} got --results DIR
+policies run {CELL} --results DIR; run --tasks zz-evil --methods raw --results DIR; gate DIR
+results merge merged DIR; results remove DIR {CELL} --yes
+"""
+READ = [command for line in COMMANDS.splitlines() for command in line.split("; ")]
 WRITE = (
     *("report DIR", "report DIR --html", "plot DIR", "export DIR"),
     *("export DIR --format jsonl", "verify DIR --repair"),

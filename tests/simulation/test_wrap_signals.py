@@ -79,10 +79,7 @@ def test_expressions_without_a_value(text: str, info: dict[str, Any], message: s
         ("x <= 1", "signals.s: line 1, column 1: expected an arithmetic expression but found a formula"),
         ("__import__('os')", "signals.s: line 1"),
         (3, "^signals.s: expected an expression as text, such as 'x - y', got 3$"),
-        (
-            lambda observation, info: 0.0,
-            r"^signals.s: expected an expression .*, got a function; one function gives all signals, \(obs",
-        ),
+        (lambda observation, info: 0.0, "^signals.s: expected an expression .*, got a function; one"),
         ("x / 0", "signals: .*divides by 0"),
     ],
 )
