@@ -134,6 +134,11 @@ class TestBatchEnvironment:
         assert starts(3, 5, DOWN) == reference
         assert starts(0, 6, UP) != reference
 
+    def test_training_may_start_elsewhere_than_the_referee(self) -> None:
+        task = line(training={"starts": {"box": {"x": [5, 6]}}})
+        starts = BatchEnvironment(task, Probe(task.specification), 50, seed=1).reset()[:, 0]
+        assert 5 <= starts.min() < starts.max() <= 6
+
 
 class TestTrainingOptions:
     """What a task file's `training` changes, with the formula G[0,4] (x <= 1), T = 8, x moving by 0.5 a step."""

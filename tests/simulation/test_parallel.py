@@ -15,6 +15,7 @@ from gymnasium.spaces import Box, Discrete
 from helpers.pair_task import pair
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+from stlbench import stl
 from stlbench.contract import ActionGrid
 from stlbench.errors import UsageError
 from stlbench.parallel import StlParallelEnv, parallel_env
@@ -64,8 +65,6 @@ def test_it_is_the_simulator_number_for_number(method: str) -> None:
             assert rewards[robot] == held.reward[0]
             assert (terminated[robot], truncated[robot]) == (False, count == 26)
     assert env.agents == []
-    with pytest.raises(ResetNeeded):
-        env.step(dict.fromkeys("abc", np.int64(0)))
 
 
 def test_a_step_by_hand(two: StlParallelEnv) -> None:
@@ -79,6 +78,28 @@ def test_a_step_by_hand(two: StlParallelEnv) -> None:
     assert infos["left"]["t"] == 1
     assert rewards == {"left": pytest.approx(-1.4), "right": pytest.approx(-1.4)}
     assert seen["left"].tolist() == seen["right"].tolist() == [0, 0.25, -0.75]
+
+
+def test_an_episode_is_a_trace_that_the_formula_scores(two: StlParallelEnv) -> None:
+    _, infos = two.reset(options={"state": [-0.5, 0.5]})
+    samples = [infos["left"]["signals"]]
+    for step in range(8):
+        assert two.agents == ["left", "right"]
+        _, _, _, truncated, infos = two.step(moves(2, 1) if step < 3 else moves(1, 2))
+        samples.append(infos["left"]["signals"])
+    assert truncated == {"left": True, "right": True}
+    trace = np.concatenate(samples)
+    assert trace[[0, 3, 8]].tolist() == [[-0.5, 0.5], [1, -1], [1, -1]]
+    # at their goals, .6 inside each
+    assert stl.robustness(two.task.formula, trace, two.task.signals) == pytest.approx(0.6)
+    with pytest.raises(ResetNeeded):
+        two.step(moves(1, 2))
+
+
+def test_seeds_decide_where_episodes_start(two: StlParallelEnv) -> None:
+    first, again = ([two.reset(seed=seed)[1]["left"]["signals"].tolist() for seed in (7, None, 8)] for _ in range(2))
+    assert first == again
+    assert len({str(start) for start in first}) == 3
 
 
 def test_scaled_divides_by_the_methods_scale(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,7 +72,10 @@ class Torn(Walk):
     ("kind", "said"),
     [
         (WalkTask(), ""),
-        (having(render_mode=None), "it was not made with the render mode rgb_array; make() should pass on self"),
+        (
+            having(render_mode=None),
+            "it was not made with the render mode rgb_array; make() should pass on self.render_mode",
+        ),
         (having(metadata={"render_modes": []}), "the environment has no render mode rgb_array"),
         (Made(Torn), "the environment cannot draw itself here: OSError: no driver at all"),
     ],

@@ -103,6 +103,14 @@ PROTOCOLS = {
 
 
 class TestReferee:
+    def test_a_recorded_trace_has_every_step(self) -> None:
+        task = line(hold=4)
+        # up while t < 4, then down: the policy sees x, t and the time
+        policy = Rule(lambda seen: np.where(seen[:, 1] < 4, 2, 0))
+        traces = record(task, Probe(task.specification), policy, np.array([[0.0], [1.0]])).traces[..., 0]
+        assert traces[0].tolist() == [0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0]
+        assert traces[1].tolist() == [1, 1.5, 2, 2.5, 3, 2.5, 2, 1.5, 1]
+
     def test_a_policy_gets_the_methods_inputs(self) -> None:
         task = line()
         # The memory counts transitions: it is 0, 1, .. 7 when the policy acts.
