@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError, cause, did_you_mean
+from stlbench.share.trace_table import read_table
 from stlbench.simulation.faults import out_of_range
-from stlbench.simulation.trace_table import read_table
 
 _ROUNDING = 1e-6  # share of an axis' span by which rounding may take an action off the grid
 

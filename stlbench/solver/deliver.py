@@ -26,7 +26,6 @@ from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.share.onnx import export
-from stlbench.simulation.references import references
 from stlbench.solver import tries
 from stlbench.solver.contestants import rank
 from stlbench.solver.problem import Problem
@@ -38,6 +37,7 @@ from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
 from stlbench.task.reading import code_of
 from stlbench.task.task import Task
+from stlbench.tracks.references import references
 
 _SHARE = 0.05
 """Of the time, for the episodes of the certificate, and as many for those of the search for a counterexample."""

@@ -18,11 +18,11 @@ from stlbench.records.result import LEARNED, Score
 from stlbench.simulation import baselines, referee
 from stlbench.simulation.baselines import Unpaid, held_at_random, in_pieces, random_actions, replay
 from stlbench.simulation.environment import BatchEnvironment
-from stlbench.simulation.haste import too_fast
 from stlbench.simulation.verdicts import judge
 from stlbench.solver.problem import why_impossible
 from stlbench.study.progress import duration
 from stlbench.task.task import Task
+from stlbench.tracks.haste import too_fast
 
 COPIES, _ELITE = 32, 6
 """Episodes of a generation, and how many of all so far the next one is made from."""

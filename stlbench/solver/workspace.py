@@ -22,13 +22,13 @@ from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice
 from stlbench.schedules.schedule import around, schedules
 from stlbench.simulation import baselines
-from stlbench.simulation.auto import regions, scheduled
 from stlbench.simulation.baselines import in_pieces
 from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
 from stlbench.task.entry import Finite, Positive
 from stlbench.task.reading import file_of
+from stlbench.tracks.auto import regions, scheduled
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""

@@ -23,10 +23,10 @@ from stlbench.records.result_files import write
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code, code_of, own_code
-from stlbench.simulation.auto import for_every_method
 from stlbench.task.entry import Count
 from stlbench.task.reading import load_yaml
 from stlbench.task.task import Task, agent_for, load_task
+from stlbench.tracks.auto import for_every_method
 
 
 @dataclass(frozen=True)

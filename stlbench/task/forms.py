@@ -43,6 +43,13 @@ class Window:
     """Whether it has to hold at all its samples, as in G[a,b] psi."""
 
 
+def recurring(formula: Formula) -> Iterator[Eventually]:
+    """What a formula asks for again and again: F inside G."""
+    for always in walk(formula):
+        if isinstance(always, Always):
+            yield from (node for node in walk(always.arg) if isinstance(node, Eventually))
+
+
 def windows(formula: Formula) -> tuple[Window, ...]:
     """The windows of a formula with intervals in steps, in order of appearance. Negations are pushed into them."""
     return tuple(_inside(negations_inside(formula), 0, 0, True, True))

@@ -14,7 +14,6 @@ from stlbench.errors import UsageError, one_line
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.simulation import baselines, referee
-from stlbench.simulation.auto import for_every_method
 from stlbench.simulation.baselines import Unpaid
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.rehearsal import rehearse
@@ -25,6 +24,7 @@ from stlbench.task.gym_spaces import outside_space
 from stlbench.task.starts import StateStarts
 from stlbench.task.task import Task, load_task
 from stlbench.testing.rules import Rules
+from stlbench.tracks.auto import for_every_method
 
 
 def traces_of_system(task: Task, rules: Rules) -> Array:

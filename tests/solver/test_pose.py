@@ -18,7 +18,6 @@ from stlbench import stl
 from stlbench.cli.show_task import _schedule
 from stlbench.contract import ActionGrid
 from stlbench.errors import UsageError
-from stlbench.simulation.auto import automatic
 from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
@@ -26,6 +25,7 @@ from stlbench.solver.tries import Nearest, check_speed, of_course
 from stlbench.solver.workspace import pose
 from stlbench.task import load_task
 from stlbench.task.gym_sketch import sketch
+from stlbench.tracks.auto import automatic
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gym-pendulum" / "task.yaml"
 

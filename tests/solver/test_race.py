@@ -17,7 +17,6 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
-from stlbench.simulation.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, again, along, best_first, contestants, searcher
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
@@ -25,6 +24,7 @@ from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.workspace import TASK, pose
 from stlbench.study.initial import read
 from stlbench.task import load_task
+from stlbench.tracks.auto import PATIENCE, automatic
 from stlbench_agents.cma_es import CMAES
 
 

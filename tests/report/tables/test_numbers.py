@@ -25,8 +25,8 @@ from stlbench.report.tables.runs import (
     time_table,
 )
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, best_known, controllers_table
-from stlbench.simulation.references import References
 from stlbench.task.file import BestKnown
+from stlbench.tracks.references import References
 
 FIRST = result(
     robustness=(0.25, -0.5, 0.75, 1.0),  # mean 0.375, satisfied 3 of 4

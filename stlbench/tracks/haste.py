@@ -12,11 +12,11 @@ from math import inf
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.simulation.auto import regions, scheduled
 from stlbench.simulation.baselines import held_at_random, in_pieces, replay
 from stlbench.stl import Formula, FragmentError, Term, fragment
 from stlbench.task import Task
 from stlbench.task.forms import normal_form
+from stlbench.tracks.auto import regions, scheduled
 
 _COPIES, _PIECES = 32, 20
 """Episodes that are looked at, and the most different actions in one."""
