@@ -258,8 +258,7 @@ class BatchEnvironment:
         self._past = _Past(task, count) if any(end.where == LOST for end in self._training.ends) else None
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
-        self.taken = 0
-        self.decisions = horizon // task.file.hold
+        self.taken, self.decisions = 0, task.file.decisions
         self.observation_size = self.reset().shape[1]
         self.time_column = self.observation_size - method.input_size - 1
         self._generator = np.random.default_rng(seed)
@@ -366,8 +365,7 @@ class BatchEnvironment:
         self._broken_off[rows] = simulator.horizon
         if exploring is not None:
             chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
-            decisions = simulator.horizon // self.hold
-            t[chosen] = self._generator.integers(decisions, size=len(chosen)) * self.hold
+            t[chosen] = self._generator.integers(self.decisions, size=len(chosen)) * self.hold
             kept = self._generator.random(len(chosen)) < exploring.kept
             begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:

@@ -59,7 +59,7 @@ def search(task: Task, seconds: float, begun: Array, near: Nearest | None = None
     It begins with the sequences of another search, if there is one.
     """
     clock, generator = time.perf_counter(), np.random.default_rng(0)
-    decisions = task.file.steps // task.file.hold
+    decisions = task.file.decisions
     pieces = min(_MOST_ACTIONS, decisions)
     when = in_pieces(decisions, pieces)
     pool = held_at_random(task.actions, generator, COPIES, pieces) if near is None else near.pool
@@ -149,7 +149,7 @@ def try_at_random(task: Task) -> None:
 def is_repeatable(task: Task) -> bool:
     """Whether the same starts and actions give the same episodes: an environment may ignore its seeds."""
     starts = task.starts.report_and_selection()[0][:_REPEATED_STARTS]
-    shape = len(starts), task.file.steps // task.file.hold
+    shape = len(starts), task.file.decisions
     drawn = baselines.random_actions(task.actions, np.random.default_rng(0), shape[0] * shape[1])
     actions = drawn.reshape(*shape, *drawn.shape[1:])
     first, second = (replay(task, actions, starts).traces for _ in range(2))

@@ -292,7 +292,7 @@ def _exploring(task: Task) -> Exploring | None:
     if not isinstance(task.dynamics, System):
         return None
     assert task.file.initial is not None
-    decisions = task.file.steps // task.file.hold
+    decisions = task.file.decisions
     length = max(1, min(LENGTH, decisions // 2))
     share = EXPLORED * decisions / (EXPLORED * decisions + (1 - EXPLORED) * length)
     box = dict[str, tuple[float, float]]()

@@ -209,8 +209,8 @@ class TestReplacement:
     @pytest.fixture(autouse=True)
     def unchecked(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """A machine on which the fast kernels were not checked."""
-        monkeypatch.setattr(kernels, "is_ready", lambda part: False)
-        monkeypatch.setattr(kernels, "note_ready", lambda part: None)
+        monkeypatch.setattr(kernels, "is_ready", lambda package, part: False)
+        monkeypatch.setattr(kernels, "note_ready", lambda package, part: None)
 
     def test_is_not_needed_here(self) -> None:
         assert kernels.choose() is llvm_kernels

@@ -21,6 +21,7 @@ from numba.core import caching
 import stlbench
 import stlbench_agents
 import stlbench_methods
+import stlbench_planning
 from stlbench.contract import cached, compiled
 
 SUMS = """
@@ -299,7 +300,7 @@ from stlbench.registry import plugins
 for kind in ("agents", "methods"):
     for plugin in plugins.available(kind).values():
         plugin.load()
-import stlbench_agents.planning.loops, stlbench_agents.engine, stlbench_methods.updates
+import stlbench_agents.engine, stlbench_methods.updates, stlbench_planning.loops
 after = {name: value for name, value in vars(numba.config).items() if name.isupper()}
 sys.path.insert(0, "")
 from users import doubled
@@ -315,7 +316,9 @@ def test_a_users_own_functions_stay_beside_their_files(tmp_path: Path) -> None:
     assert {path.suffix for path in (tmp_path / "__pycache__").glob("users.doubled-*")} == {".nbi", ".nbc"}
 
 
-PACKAGES = [Path(package.__file__ or "").parent for package in (stlbench, stlbench_methods, stlbench_agents)]
+PACKAGES = [
+    Path(package.__file__ or "").parent for package in (stlbench, stlbench_methods, stlbench_agents, stlbench_planning)
+]
 DECORATORS = {"cached", "compiled", "inlined", "jitted", "kept", "njit", "part", "intrinsic"}
 
 

@@ -100,7 +100,7 @@ def test_witnesses_give_a_schedule_that_they_satisfy() -> None:
     assert [str(choice) for choice in workspace.choices] == ["task[schedule=witness]", "task"]
     assert load_task(workspace.choices[0]).file.followed == schedule != workspace.task.file.followed
     task, found = workspace.task, json.loads(Path("out/witness.json").read_text())
-    actions = np.array(found["actions"])[in_pieces(task.file.steps // task.file.hold, len(found["actions"]))]
+    actions = np.array(found["actions"])[in_pieces(task.file.decisions, len(found["actions"]))]
     trace = replay(task, actions[None], np.array([found["start"]])).traces
     assert stl.satisfied(schedule, trace, task.signals).all()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench import stl
-from stlbench_agents.planning.maximin import Part, Stages
+from stlbench_planning.maximin import Part, Stages
 
 
 def stages(formula: str, hold: int) -> Stages:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from stlbench import stl
 from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench.stl import Term
-from stlbench_agents.planning.grid import ActionSet, Floats, Grid, refuse_beyond, simulated, sweep
-from stlbench_agents.planning.loops import extremes, reach_best
+from stlbench_planning.grid import ActionSet, Floats, Grid, refuse_beyond, simulated, sweep
+from stlbench_planning.loops import extremes, reach_best
 
 Truth = NDArray[np.bool_]
 
@@ -201,11 +201,11 @@ def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
             f"{idle.formula}: none of its windows begins with a decision, every {model.hold} samples from 1"
         )
     each = len(stages.terms) * model.hold + _CACHED + 2 + len(grid.axes)
-    numbers = stages.count * (model.steps // model.hold + 1) + len(actions) * each
+    numbers = stages.count * (model.decisions + 1) + len(actions) * each
     refuse_beyond(4e-9 * grid.size * numbers, f"a grid of {grid} points with {stages.count} stages of the formula")
     tables = _Margins(model, grid, actions, stages)
     next_ = sweep(model, grid, actions, (tables.observe,))
-    decisions, most = model.steps // model.hold, tables.bound()
+    decisions, most = model.decisions, tables.bound()
     later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
     later[decisions, stages.over] = most
     free = np.full(tables.shape, most, np.float32)
