@@ -16,7 +16,7 @@ from stlbench.contract.presentation import Band
 from stlbench.stl import Term
 from stlbench_methods.formula_parts import (
     Activity,
-    Value,
+    ValueAt,
     active_from,
     active_table,
     at,
@@ -136,7 +136,7 @@ class Funnel(RewardMethod):
             )
         return Curve(gamma_0, ginf, rho_max, t0, _t_star(term, t0, variant, t_star))
 
-    def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> Value:
+    def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> ValueAt:
         margin = self.specification.margin(term.psi)
         gamma = self._width(curve)
         if shape == "normalised":

@@ -265,7 +265,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Lim
         numbers = values * (model.decisions + CACHED * 2 * len(actions))
         what = f"a grid of {grid} points with {values} values of the method's memory"
         refuse_beyond(4e-9 * grid.size * numbers, what)
-    ends = Ends(model, grid, actions, gamma)
+    ends = EndReturns(model, grid, actions, gamma)
     next_ = sweep(model, grid, actions, (rewards.observe, ends.observe))
     decisions = model.decisions
     later = np.zeros((decisions, len(rewards.memories), grid.size), np.float32)
@@ -336,7 +336,7 @@ def forever(reward: float, gamma: float, decisions: int) -> float:
     return reward / (1 - gamma) if gamma < 1 else reward * decisions
 
 
-class Ends:
+class EndReturns:
     """Where the task's training episodes end early."""
 
     def __init__(self, model: Model, grid: Grid, actions: ActionSet, gamma: float) -> None:

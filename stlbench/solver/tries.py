@@ -187,7 +187,7 @@ def of_search(nearest: Nearest | None) -> str:
 def of_course(task: Task, nearest: Nearest) -> str | None:
     """A warning where the actions of a witness satisfy from most starts, so that no policy needs to look."""
     begun = task.starts.report_and_selection()[0]
-    when = in_pieces(task.file.steps // task.file.hold, nearest.pool.shape[1])
+    when = in_pieces(task.file.decisions, nearest.pool.shape[1])
     best = nearest.pool[np.zeros(len(begun), dtype=np.int64)]
     played = replay(task, best[:, when], begun)
     robustness = judge(task.formula, played.traces, task.specification, task.file.terminated).robustness[:, 0]
@@ -197,22 +197,23 @@ def of_course(task: Task, nearest: Nearest) -> str | None:
     return f"trivial: by one fixed sequence of actions {100 * share:.0f} % of the starts satisfy"
 
 
-DOUBTS = ("perhaps too fast: ", "impossible, if ", "no witness was found: ")
-"""The beginnings of notes that a policy refutes which satisfies."""
+def doubts(task: Task) -> Iterator[str]:
+    """Notes that a policy refutes which satisfies."""
+    if reason := why_impossible(task.formula, task.file.box):  # else it was said before the task file was written
+        yield f"impossible, if the ranges that random actions show are right: {reason}"
+    if (warning := too_fast(task)) is not None:
+        yield warning
 
 
 def notes(task: Task, found: baselines.Constants, random: Score, repeatable: bool) -> Iterator[str]:
+    """Notes that hold whatever a policy reaches."""
     if not repeatable:
         yield "the environment ignores seeds: no episode can be repeated, so no counterexample is searched"
-    if reason := why_impossible(task.formula, task.file.box):  # else it was said before the task file was written
-        yield f"impossible, if the ranges that random actions show are right: {reason}"
     action = ", ".join(f"{value:.3g}" for value in found.action)
     tried = {"the action zero": found.zero, f"the constant action {action}": found.best, "random actions": random}
     for name, score in tried.items():
         if score.satisfaction >= LEARNED:
             yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
-    if (warning := too_fast(task)) is not None:
-        yield warning
     if random.ended_early:
         meaning = {
             "hold": "the last sample then stays to the end of the episode",

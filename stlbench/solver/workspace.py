@@ -74,8 +74,13 @@ class Workspace:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of it, in a line each."""
+        """What the user should know of it, in a line each, whatever a policy reaches."""
         return tuple(map(one_line, self.state["notes"]))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Further notes, which a policy refutes that satisfies."""
+        return tuple(map(one_line, self.state["doubts"]))
 
     def remember(self, **facts: Any) -> None:
         """Write facts into `solve.json`."""
@@ -103,7 +108,7 @@ class Workspace:
         try:
             actions = _Witness.model_validate_json(path.read_bytes()).actions
             task = self.task
-            decisions = task.file.steps // task.file.hold
+            decisions = task.file.decisions
             course = np.array(actions, dtype=np.float64).reshape(len(actions), len(task.actions.names))
         except (OSError, ValueError) as error:
             raise UsageError(f"{path} is not as `stlbench solve` writes it; name another folder") from error
@@ -129,7 +134,8 @@ class Workspace:
         self._follow(np.array(traces).reshape(len(traces), task.file.steps + 1, len(task.signals)))
         note = tries.of_search(found[0] if found else None)
         warning = tries.of_course(task, found[0]) if traces else None
-        self.remember(searched=True, notes=[*self.state["notes"], note, *filter(None, [warning])])
+        kind = "doubts" if found and not traces else "notes"
+        self.remember(searched=True, **{kind: [*self.state[kind], note, *filter(None, [warning])]})
         return note if warning is None else f"{note}; {warning}"
 
     def _follow(self, traces: Array) -> None:
@@ -170,7 +176,7 @@ class Workspace:
         return content
 
 
-def pose(
+def workspace_of(
     problem: Problem, folder: Path, minutes: float = 10.0, say: Callable[[str], None] = lambda text: None
 ) -> Workspace:
     """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
@@ -194,7 +200,7 @@ def pose(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
         )
     try:
-        state = {"problem": problem.facts} | _posed(problem, home, 60 * minutes, say)
+        state = {"problem": problem.facts} | _prepared(problem, home, 60 * minutes, say)
     except BaseException:
         shutil.rmtree(home, ignore_errors=True)
         raise
@@ -212,6 +218,7 @@ class _State(BaseModel):
 
     problem: dict[str, Any]
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
     episode_seconds: Positive
     repeatable: bool = True
     searched: bool = False
@@ -259,7 +266,7 @@ def _shown(problem: Mapping[str, Any]) -> str:
     return f"{problem['environment']} {problem['formula'] or ''}".strip()
 
 
-def _posed(problem: Problem, home: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
+def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
     """Write the folder of the task; what `solve.json` says of it."""
     content = content_of(problem, max(_PLAY_SECONDS, _FIRST_LOOK_SHARE * seconds))
     content["budgets"] = {"probe": _probe(content["steps"])}
@@ -287,8 +294,8 @@ def _posed(problem: Problem, home: Path, seconds: float, say: Callable[[str], No
     _write(home / _FILE, content)
     task = load_task(TASK)
     repeatable = tries.is_repeatable(task)
-    notes = list(tries.notes(task, found, random, repeatable))
-    return {"notes": notes, "episode_seconds": episode, "repeatable": repeatable}
+    notes, doubts = list(tries.notes(task, found, random, repeatable)), list(tries.doubts(task))
+    return {"notes": notes, "doubts": doubts, "episode_seconds": episode, "repeatable": repeatable}
 
 
 def _probe(steps: int) -> dict[str, Any]:

@@ -190,7 +190,7 @@ def _values(row: Aligned) -> Iterator[float]:
     return (value for value in values if value is not None and math.isfinite(value))
 
 
-def _marks(axes: Axes, place: int, row: Aligned, shown: layout.Window | None) -> None:
+def _marks(axes: Axes, place: int, row: Aligned, shown: layout.Zoom | None) -> None:
     ends = [value for value in (row.best_known, row.reward_optimal, row.selected) if value is not None]
     axes.plot((min(ends), max(ends)), (place, place), "-", color="0.8", linewidth=0.8, zorder=2)
     if row.best_known is not None:

@@ -23,7 +23,7 @@ from stlbench.stl.predicates import as_array
 from stlbench.stl.predicates.writer import FLOATS, SIDE, block, functions, indented
 from stlbench.stl.running.nested import one
 from stlbench.stl.running.scalar import Operator, Piece
-from stlbench.stl.running.tree import Joined, Part, Tree, last_step
+from stlbench.stl.running.tree import Joined, Node, Tree, last_step
 
 
 class Interval(NamedTuple):
@@ -237,7 +237,7 @@ def _find(spans: Sequence[Span]) -> list[str]:
     return [f"if now < {spans[at].first}:", *indented(_find(spans[:at])), "else:", *indented(_find(spans[at:]))]
 
 
-def _answer(root: Part) -> list[str]:
+def _answer(root: Node) -> list[str]:
     """The statements that make the answer from the bounds of the operators."""
     lines: list[str] = []
     lower, upper = _joined(root, lines)
@@ -255,7 +255,7 @@ def _answer(root: Part) -> list[str]:
     ]
 
 
-def _joined(part: Part, lines: list[str]) -> tuple[str, str]:
+def _joined(part: Node, lines: list[str]) -> tuple[str, str]:
     """Names of a part's bounds, after the lines."""
     if isinstance(part, Operator):
         return part.lower, part.upper

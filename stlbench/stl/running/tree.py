@@ -58,14 +58,14 @@ class Leaf:
 
 L = TypeVar("L", bound=Leaf)
 #: any node of the tree
-Part: TypeAlias = "Leaf | Joined"
+Node: TypeAlias = "Leaf | Joined"
 
 
 @dataclass(frozen=True)
 class Joined:
     """Conjunction (`pick` is the least of a sequence) or disjunction (the greatest): bounds combine end by end."""
 
-    parts: Sequence[Part]
+    parts: Sequence[Node]
     pick: Callable[[Sequence[Any]], Any]
 
     def bounds(self) -> Ends:
@@ -93,7 +93,7 @@ class Tree(Generic[L]):
         self.leaves: list[L] = []
         self.root = self._build(formula, False)
 
-    def _build(self, formula: Formula, negated: bool) -> Part:
+    def _build(self, formula: Formula, negated: bool) -> Node:
         kit = self.kit
         match formula:
             case _ if not is_temporal(formula):
@@ -117,10 +117,10 @@ class Tree(Generic[L]):
             case _:
                 return self._leaf(kit.replayed(formula, self.names, negated))
 
-    def _eventually(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
+    def _eventually(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Node:
         return self._leaf(self.kit.until(None, self._pointwise(psi, negated), interval, flipped))
 
-    def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Part:
+    def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Node:
         if inner[1] == END:  # of windows that reach on for ever the last one demands least; the first reads most
             windows = [self._eventually(psi, (start, END), not negated, not flipped) for start in outer]
             return Joined(windows, self.kit.least if flipped else self.kit.greatest)
