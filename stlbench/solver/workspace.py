@@ -139,18 +139,11 @@ class Workspace:
         return note if warning is None else f"{note}; {warning}"
 
     def _follow(self, traces: Array) -> None:
-        """Write another schedule, unless the task has none: around witnesses (n, T + 1, k), else with wider windows.
-
-        A witness is left out where no windows serve it and those before it.
-        """
+        """Write another schedule, unless the task has none: around witnesses (n, T + 1, k), else with wider windows."""
         task, file, known = self.task, self.task.file, regions(self.task)
         if (own := scheduled(task)) is None:
             return
-        kept, found = traces[:0], None
-        for trace in traces:
-            more = np.concatenate([kept, trace[None]])
-            if (schedule := around(file.formula, known, file.hold, file.steps, more)) is not None:
-                kept, found = more, schedule
+        found = around(file.formula, known, file.hold, file.steps, traces)
         name = WIDE if found is None else WITNESSED
         found = found or schedules(file.formula, known, file.hold, file.steps, _WIDE_PACE)[0]
         if found.formula != own:
