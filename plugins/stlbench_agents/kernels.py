@@ -32,7 +32,7 @@ def choose() -> ModuleType:
             check(llvm_kernels)
             note_ready(__package__, "llvm-kernels")
         return llvm_kernels
-    except Exception as error:
+    except (ImportError, AttributeError, TypeError, ArithmeticError, numba.errors.NumbaError) as error:
         reason = next(iter(str(error).splitlines()), "")
         warnings.warn(
             f"the fast kernels do not work with Numba {numba.__version__} ({type(error).__name__}: {reason}); dqn and "
