@@ -106,7 +106,7 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
 def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {})
     monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: pytest.fail("it looked"))
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
     played.now = 490.0
