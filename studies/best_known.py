@@ -152,7 +152,7 @@ def main() -> None:
     task = load_task(said.task)
     begun = task.starts.report_and_selection()[0]
     print(f"{task.name}: at most {bound_by_start(task):.5f} by the starts and the signals' ranges")
-    zero = np.tile(baselines.zero(task), (len(begun), task.file.steps // task.file.hold, 1))
+    zero = np.tile(baselines.zero(task), (len(begun), task.file.decisions, 1))
     found = [zero, by_hand(task, begun), *driven(task, begun)]
     found += [each for each in (kept(task), planned(task, begun) if said.plan else None) if each is not None]
     found += learned(task, begun, said.policies) if said.policies else []

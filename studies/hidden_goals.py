@@ -10,9 +10,9 @@ from recorded import markdown
 from scipy.stats import spearmanr
 
 from stlbench.contract import Array
-from stlbench.simulation.auto import automatic
 from stlbench.task import Task, load_task
 from stlbench.task.starts import sampled_states
+from stlbench.tracks.auto import automatic
 from stlbench_methods.funnel import Funnel
 from stlbench_methods.raw import Raw
 

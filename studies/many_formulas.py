@@ -25,11 +25,11 @@ from suite import load
 
 from stlbench.contract import Array, Integers, Policy, Training, Transition
 from stlbench.records.result import MAIN
-from stlbench.simulation.auto import automatic
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.task import agent_for
+from stlbench.tracks.auto import automatic
 from stlbench_tasks.suite.formulas import Candidate
 from stlbench_tasks.suite.templates import Cramped
 

@@ -24,7 +24,7 @@ from stlbench.registry.choices import Choice
 from stlbench.simulation.environment import ends_of, first_end
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
-from stlbench_agents.planning.sums import forever
+from stlbench_planning.sums import forever
 
 COLUMNS = ("task", "method", "gamma", "policy", "return", "robustness", "own")
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from stlbench.report.figures.style import COLOURS
-from stlbench.simulation.auto import alternatives
 from stlbench.task import load_task
+from stlbench.tracks.auto import alternatives
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "schedule.svg"
 TASK = "suite-integrator-patrol-0"

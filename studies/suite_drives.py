@@ -126,7 +126,7 @@ def witness(task: Task, scene: Scene, seconds: float, seed: int = 0) -> Array:
     starts, shape = len(begun), (len(begun), _DRIVES, drives.legs, 5)
     mean, spread = np.zeros((starts, 1, *shape[2:])), np.ones((starts, 1, *shape[2:]))
     best, robustness = (
-        np.zeros((starts, task.file.steps // task.file.hold, len(task.actions.names))),
+        np.zeros((starts, task.file.decisions, len(task.actions.names))),
         np.full(starts, -np.inf),
     )
     tours = generator.integers(len(drives.tours), size=shape[:2])

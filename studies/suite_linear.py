@@ -54,7 +54,7 @@ class _Program:
     def __init__(self, task: Task, place: int, most: Most) -> None:
         assert isinstance(task.actions, ActionGrid)
         self._most, self._place, self._names = most, place, task.signals
-        axes, self._decisions = task.actions.axes, task.file.steps // task.file.hold
+        axes, self._decisions = task.actions.axes, task.file.decisions
         self._least = np.array(task.actions.low)
         self._pitch = np.array([axis[1] - axis[0] for axis in axes])
         self._programme = Programme()
@@ -122,8 +122,8 @@ class _Program:
 def _places(task: Task, start: Array, least: Array, pitch: Array) -> tuple[Array, Array]:
     """The signals by the least actions (steps + 1, k), and what each pitch adds to them (steps + 1, k, actions)."""
     file, axes = task.file, len(pitch)
-    actions = file.steps // file.hold * axes
-    more = np.concatenate([np.zeros((1, actions)), np.eye(actions) * np.tile(pitch, file.steps // file.hold)])
+    actions = file.decisions * axes
+    more = np.concatenate([np.zeros((1, actions)), np.eye(actions) * np.tile(pitch, file.decisions)])
     state, traces = np.tile(start, (actions + 1, 1)), list[Array]()
     for t in range(file.steps + 1):
         traces.append(task.system.signals(state))

@@ -12,11 +12,12 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("stlbench", *(f"plugins/stlbench_{kind}" for kind in ("agents", "executors", "logs", "methods")))
+KINDS = ("agents", "executors", "logs", "methods", "planning")
+PACKAGES = ("stlbench", *(f"plugins/stlbench_{kind}" for kind in KINDS))
 EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
 EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "jinja2", "dask", "distributed")
 EXTRAS += ("tensorboardX", "wandb", "shimmy", "mpe2")
-OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}
+OWN = {"stlbench", "stlbench_tasks", *(f"stlbench_{kind}" for kind in KINDS)}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 

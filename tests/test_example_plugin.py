@@ -55,7 +55,8 @@ def test_the_wheel_holds_the_task_files_and_no_tests(wheels: dict[str, Path]) ->
     assert sorted(name.split("/")[-1] for name in names if "/cli/templates/" in name) == sorted(templates)
     assert [name for name in names if "test_" in name or "conftest" in name] == []
     tops = {name.partition("/")[0] for name in names if ".dist-info/" not in name}
-    plugins = {"stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}
+    kinds = ("agents", "executors", "logs", "methods", "planning", "tasks")
+    plugins = {f"stlbench_{kind}" for kind in kinds}
     assert tops == {"stlbench", *plugins}
     assert any(name.endswith("/licenses/LICENSE") for name in names)
 

@@ -18,18 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
-from stlbench_agents.training import (
-    SHARED,
-    Counterfactuals,
-    DeepQ,
-    Head,
-    LockStepAgent,
-    LockStepLearner,
-    Positive,
-    ShareBelow1,
-    cost_of,
-    grid_of,
-)
+from stlbench_agents import training
 
 if TYPE_CHECKING:
     from stlbench_agents.q_learner import GreedyPolicy, QLearner
@@ -40,7 +29,7 @@ _RESUMED = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class DQN(DeepQ, LockStepAgent):
+class DQN(training.DeepQ, training.LockStepAgent):
     """Deep Q-learning with a time-aware input, epsilon-greedy, replay and a target network (Algorithm 2).
 
     The defaults are one recipe for all tasks that come
@@ -49,14 +38,14 @@ class DQN(DeepQ, LockStepAgent):
     `dqn[double=false,n_steps=1,tau=1,target_update_interval=1000,averaging=0,copies=1]`.
     """
 
-    head: Head = "joint"
+    head: training.Head = "joint"
     """`joint`: one output for each action. `additive`: V plus one term for each action axis, 35 outputs where joint
     has 273; of one axis, a dueling head (Wang et al. 2016)"""
     double: bool = True
     """the online network chooses the bootstrap action (van Hasselt et al. 2016); without it the target network does, as
     in the paper"""
-    averaging: ShareBelow1 = 0.999
-    reward_scale: Positive = 4.0
+    averaging: training.ShareBelow1 = 0.999
+    reward_scale: training.Positive = 4.0
     bounded: bool = False
     """targets are kept within the rewards that were seen, as a value is a weighted mean of rewards. Without it, values
     of states far from all goals can grow without end"""
@@ -65,7 +54,7 @@ class DQN(DeepQ, LockStepAgent):
 
     recipe = MappingProxyType(
         {
-            **SHARED,
+            **training.SHARED,
             "gamma": 0.9,
             "head": "additive",
             "copies": 64,
@@ -88,21 +77,23 @@ class DQN(DeepQ, LockStepAgent):
         }
     )
 
-    def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
+    def begin(self, environment: Environment, seed: int, rounds: int) -> training.LockStepLearner:
         return _Trainee(self, environment, seed, rounds)
 
     def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
         """A learner with fresh networks, for `copies` transitions a step and so many updates in all."""
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
-        return QLearner(self, environment.observation_size, copies, grid_of(environment.actions), seed, updates)
+        return QLearner(
+            self, environment.observation_size, copies, training.grid_of(environment.actions), seed, updates
+        )
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
         return self._cost(size, actions, decisions) if isinstance(actions, ActionGrid) else None
 
     def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:
         outputs = grid.size if self.head == "joint" else 1 + sum(grid.shape)
-        return cost_of(size, self.net_arch, outputs, min(decisions, self.buffer_size))
+        return training.cost_of(size, self.net_arch, outputs, min(decisions, self.buffer_size))
 
     @property
     def compiled_part(self) -> str:
@@ -124,7 +115,7 @@ class _Trainee:
 
     def __init__(self, recipe: DQN, environment: Environment, seed: int, rounds: int) -> None:
         self._recipe, self._rounds, self._done = recipe, rounds, 0
-        self._counterfactuals = Counterfactuals(environment, seed)
+        self._counterfactuals = training.Counterfactuals(environment, seed)
         updates = rounds * recipe.gradient_steps
         self._learner = recipe.learner(environment, self._counterfactuals.copies, seed, updates)
         self._generator = np.random.default_rng([seed, 1])
@@ -153,7 +144,7 @@ class DQNPerRobot(DQN):
     preference = MappingProxyType({"robots": 1})
 
     def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
-        grid = grid_of(environment.actions)
+        grid = training.grid_of(environment.actions)
         if not grid.robots:
             return super().learner(environment, copies, seed, updates)
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
@@ -166,7 +157,7 @@ class DQNPerRobot(DQN):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        grid = grid_of(actions)
+        grid = training.grid_of(actions)
         return TeamPolicy.of(arrays, grid) if grid.robots else super().restore(arrays, actions)
 
     def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:

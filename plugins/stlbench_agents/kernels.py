@@ -15,9 +15,9 @@ from typing import Any
 import numba
 import numpy as np
 
+from stlbench.contract.compiled import is_ready, note_ready
 from stlbench_agents import plain_kernels
 from stlbench_agents.plain_kernels import Decorator, Floats, Matrix
-from stlbench_agents.training import is_ready, note_ready
 
 START: Any = np.int64(0)
 """Where a vector begins. A plain 0 is a type of its own to Numba, for which it would compile `inner_product` again."""
@@ -28,11 +28,11 @@ def choose() -> ModuleType:
     try:
         from stlbench_agents import llvm_kernels
 
-        if not is_ready("llvm-kernels"):
+        if not is_ready(__package__, "llvm-kernels"):
             check(llvm_kernels)
-            note_ready("llvm-kernels")
+            note_ready(__package__, "llvm-kernels")
         return llvm_kernels
-    except Exception as error:
+    except (ImportError, AttributeError, TypeError, ArithmeticError, numba.errors.NumbaError) as error:
         reason = next(iter(str(error).splitlines()), "")
         warnings.warn(
             f"the fast kernels do not work with Numba {numba.__version__} ({type(error).__name__}: {reason}); dqn and "

@@ -1,4 +1,4 @@
-"""The kernels written for LLVM. Of this package, this module alone builds on interfaces which Numba may change.
+"""The kernels written for LLVM. With `llvm_vectors`, this module alone builds on interfaces which Numba may change.
 
 `kernels` describes the functions and `plain_kernels` defines their bits. Three things make them fast:
 
@@ -29,9 +29,8 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 from stlbench.contract import cached
+from stlbench_agents.llvm_vectors import BYTE_POINTER, INT64, Vectors
 from stlbench_agents.plain_kernels import PARTIAL_BYTES, VECTOR_BYTES, Floats, Matrix, inlined
-
-Generate = Callable[[Any, ir.IRBuilder, Any, Any], Any]
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 jitted = partial(numba.njit, **_OPTIONS)
@@ -102,100 +101,6 @@ def flattened(_: Any, values: Any) -> Any:
     return kind(values), generate
 
 
-_INT64, _INT32 = ir.IntType(64), ir.IntType(32)
-_BYTE_POINTER = ir.IntType(8).as_pointer()
-
-
-class Vectors:
-    """Loads, stores and arithmetic of vectors of numbers of one type, in a function that is being built."""
-
-    def __init__(
-        self, context: Any, builder: ir.IRBuilder, number: types.Float, size: int, columns: ir.Value | None = None
-    ) -> None:
-        """Args: `size` of a vector in bytes; `columns`, if given, how many of its numbers are loaded and stored."""
-        self.builder, self.context = builder, context
-        self.bytes = number.bitwidth // 8
-        self.lanes = size // self.bytes
-        self.number: ir.Type = context.get_value_type(number)
-        self.vector = ir.VectorType(self.number, self.lanes)
-        self.zero = ir.Constant(self.vector, [0.0] * self.lanes)
-        function = ir.FunctionType(self.vector, [self.vector] * 3)
-        name = f"llvm.fmuladd.v{self.lanes}f{number.bitwidth}"
-        self._fused = cgutils.get_or_insert_function(builder.module, function, name)
-        self._mask = None if columns is None else self._first(columns)
-
-    def address(self, array: Any, kind: types.Array, entry: ir.Value) -> ir.Value:
-        data = self.context.make_array(kind)(self.context, self.builder, array).data
-        return self.shifted(self.builder.bitcast(data, _BYTE_POINTER), self.in_bytes(entry))
-
-    def rows(self, array: Any, kind: types.Array, at: ir.Value, row: ir.Value, count: int) -> list[ir.Value]:
-        """The addresses of so many rows: of the entry `at`, and of those that follow `row` apart."""
-        add, multiply = self.builder.add, self.builder.mul
-        return [self.address(array, kind, add(at, multiply(_INT64(i), row))) for i in range(count)]
-
-    def in_bytes(self, entries: ir.Value) -> ir.Value:
-        return self.builder.mul(entries, _INT64(self.bytes))
-
-    def shifted(self, address: ir.Value, distance: ir.Value) -> ir.Value:
-        return self.builder.gep(address, [distance])
-
-    def _first(self, columns: ir.Value) -> ir.Value:
-        """A mask of a vector's first numbers."""
-        kind = ir.VectorType(_INT64, self.lanes)
-        return self.builder.icmp_signed("<", ir.Constant(kind, list(range(self.lanes))), self._spread(columns, kind))
-
-    def load(self, address: ir.Value, kind: ir.Type) -> ir.Value:
-        if self._mask is not None and kind is self.vector:
-            return self._masked("load", self.vector, [address, _INT32(self.bytes), self._mask, self.zero])
-        loaded = self.builder.load(self.builder.bitcast(address, kind.as_pointer()))
-        loaded.align = self.bytes
-        return loaded
-
-    def store(self, vector: ir.Value, address: ir.Value) -> None:
-        if self._mask is not None:
-            self._masked("store", ir.VoidType(), [vector, address, _INT32(self.bytes), self._mask])
-            return
-        self.builder.store(vector, self.builder.bitcast(address, self.vector.as_pointer())).align = self.bytes
-
-    def _masked(self, operation: str, result: ir.Type, args: list[ir.Value]) -> ir.Value:
-        function = ir.FunctionType(result, [arg.type for arg in args])
-        name = f"llvm.masked.{operation}.v{self.lanes}f{8 * self.bytes}.p0"
-        return self.builder.call(cgutils.get_or_insert_function(self.builder.module, function, name), args)
-
-    def spread(self, number: ir.Value) -> ir.Value:
-        return self._spread(number, self.vector)
-
-    def _spread(self, value: ir.Value, kind: ir.VectorType) -> ir.Value:
-        undefined = ir.Constant(kind, ir.Undefined)
-        everywhere = ir.Constant(ir.VectorType(_INT32, self.lanes), [0] * self.lanes)
-        first = self.builder.insert_element(undefined, value, _INT32(0))
-        return self.builder.shuffle_vector(first, undefined, everywhere)
-
-    def fused(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
-        """a b + c; rounded twice under a mask."""
-        if self._mask is not None:
-            return self.builder.fadd(c, self.builder.fmul(a, b))
-        return self.builder.call(self._fused, [a, b, c])
-
-    def exchanged(self, upper: ir.Value, lower: ir.Value, distance: int) -> tuple[ir.Value, ir.Value]:
-        """Two rows of a square, the upper's right parts exchanged with the lower's left parts."""
-        lanes, kind = range(self.lanes), ir.VectorType(_INT32, self.lanes)
-        left = [self.lanes + lane - distance if lane & distance else lane for lane in lanes]
-        right = [self.lanes + lane if lane & distance else lane + distance for lane in lanes]
-        first, second = (self.builder.shuffle_vector(upper, lower, ir.Constant(kind, mask)) for mask in (left, right))
-        return first, second
-
-    def sum(self, vector: ir.Value) -> ir.Value:
-        """The sum of a vector's numbers, half added to half."""
-        count = self.lanes
-        while count > 1:
-            count //= 2
-            mask = [lane + count if lane < count else 0 for lane in range(self.lanes)]
-            upper = self.builder.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(_INT32, self.lanes), mask))
-            vector = self.builder.fadd(vector, upper)
-        return self.builder.extract_element(vector, _INT32(0))
-
-
 def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
     """A function for `tall` rows and `vectors` of columns of a product; with `narrow` a part of one vector."""
 
@@ -222,7 +127,7 @@ def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
             for address, row in zip(code.rows(out_values, kinds[3], at, out_row, tall), sums, strict=True):
                 for v, total in enumerate(row):
                     above = builder.select(builder.fcmp_ordered(">", total, floor), total, floor)
-                    code.store(above, code.shifted(address, _INT64(v * VECTOR_BYTES)))
+                    code.store(above, code.shifted(address, INT64(v * VECTOR_BYTES)))
             return context.get_dummy_value()
 
         return signature, generate
@@ -233,9 +138,9 @@ def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
 def _started(code: Vectors, bias: ir.Value, rows: ir.Value, vectors: int) -> list[ir.Value]:
     """What the sums of a row begin with: the bias, or 0 where it has no rows."""
     builder = code.builder
-    zeros = builder.bitcast(cgutils.alloca_once_value(builder, code.zero), _BYTE_POINTER)
-    is_empty = builder.icmp_signed("==", rows, _INT64(0))
-    places = (code.shifted(bias, _INT64(v * VECTOR_BYTES)) for v in range(vectors))
+    zeros = builder.bitcast(cgutils.alloca_once_value(builder, code.zero), BYTE_POINTER)
+    is_empty = builder.icmp_signed("==", rows, INT64(0))
+    places = (code.shifted(bias, INT64(v * VECTOR_BYTES)) for v in range(vectors))
     return [code.load(builder.select(is_empty, zeros, place), code.vector) for place in places]
 
 
@@ -258,15 +163,15 @@ def _summed(
         phi.add_incoming(first, before)
         return phi
 
-    term, below = variable(_INT64, _INT64(0)), variable(_BYTE_POINTER, left)
-    heads = [variable(_BYTE_POINTER, top) for top in tops]
+    term, below = variable(INT64, INT64(0)), variable(BYTE_POINTER, left)
+    heads = [variable(BYTE_POINTER, top) for top in tops]
     sums = [[variable(code.vector, first) for first in row] for row in start]
-    vectors = [code.load(code.shifted(below, _INT64(v * VECTOR_BYTES)), code.vector) for v in range(len(start[0]))]
+    vectors = [code.load(code.shifted(below, INT64(v * VECTOR_BYTES)), code.vector) for v in range(len(start[0]))]
     added = []
     for head, row in zip(heads, sums, strict=True):
         factor = code.spread(code.load(head, code.number))
         added.append([code.fused(factor, vector, total) for vector, total in zip(vectors, row, strict=True)])
-    next_term = builder.add(term, _INT64(1))
+    next_term = builder.add(term, INT64(1))
     term.add_incoming(next_term, loop)
     below.add_incoming(code.shifted(below, moves[1]), loop)
     for head in heads:
@@ -352,7 +257,7 @@ def _partial_sums(_: Any, a: Any, a_at: Any, b: Any, b_at: Any, count: Any) -> A
         code = Vectors(context, builder, a.dtype, PARTIAL_BYTES)
         total = cgutils.alloca_once_value(builder, code.zero)
         left, right = code.address(args[0], a, args[1]), code.address(args[2], b, args[3])
-        with cgutils.for_range_slice(builder, _INT64(0), args[4], _INT64(code.lanes), intp=_INT64) as (entry, _):
+        with cgutils.for_range_slice(builder, INT64(0), args[4], INT64(code.lanes), intp=INT64) as (entry, _):
             offset = code.in_bytes(entry)
             first, second = (code.load(code.shifted(address, offset), code.vector) for address in (left, right))
             builder.store(code.fused(first, second, builder.load(total)), total)
@@ -373,7 +278,7 @@ def _row_sums(_: Any, a: Any, a_at: Any, row: Any, b: Any, b_at: Any, count: Any
         starts = code.rows(args[0], a, args[1], args[2], code.lanes)
         other = code.address(args[3], b, args[4])
         totals = [cgutils.alloca_once_value(builder, code.zero) for _ in starts]
-        with cgutils.for_range_slice(builder, _INT64(0), args[5], _INT64(code.lanes), intp=_INT64) as (entry, _):
+        with cgutils.for_range_slice(builder, INT64(0), args[5], INT64(code.lanes), intp=INT64) as (entry, _):
             offset = code.in_bytes(entry)
             factor = code.load(code.shifted(other, offset), code.vector)
             for start, total in zip(starts, totals, strict=True):

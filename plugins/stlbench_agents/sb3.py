@@ -13,23 +13,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Arrays, Cost, Environment, Policy, Training
+from stlbench_agents import training as shared
 from stlbench_agents.policies import ActorPolicy, linear_layers
-from stlbench_agents.training import (
-    SHARED,
-    Count,
-    DeepQ,
-    Learner,
-    NotNegative,
-    OffPolicy,
-    Positive,
-    Share,
-    Whole,
-    box_of,
-    cost_of,
-    grid_of,
-    need_sb3,
-    report_rounds,
-)
 
 if TYPE_CHECKING:
     from stable_baselines3 import DQN, PPO, SAC, TD3
@@ -37,11 +22,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SB3Agent(Learner):
+class SB3Agent(shared.Learner):
     """An algorithm of SB3: the training that all have in common. Names and meanings of parameters are SB3's."""
 
     def __post_init__(self) -> None:
-        need_sb3()
+        shared.need_sb3()
 
     algorithm_name: ClassVar[str]
     takes_grid: ClassVar[bool] = False
@@ -57,11 +42,11 @@ class SB3Agent(Learner):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        return ActorPolicy.of(arrays, box_of(actions))
+        return ActorPolicy.of(arrays, shared.box_of(actions))
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """The keyword arguments of SB3's class. Raises `Unsuitable` where the task's actions are of the other kind."""
-        (grid_of if self.takes_grid else box_of)(environment.actions)
+        (shared.grid_of if self.takes_grid else shared.box_of)(environment.actions)
         options = asdict(self)
         del options["copies"]
         options["policy_kwargs"] = {"net_arch": list(options.pop("net_arch"))}
@@ -80,7 +65,7 @@ class SB3Agent(Learner):
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
         outputs = actions.size if isinstance(actions, ActionGrid) else len(actions.names)
-        return cost_of(size, self.net_arch, outputs, min(decisions, self.stored))
+        return shared.cost_of(size, self.net_arch, outputs, min(decisions, self.stored))
 
     @property
     def rollout(self) -> int:
@@ -128,7 +113,7 @@ class SB3Agent(Learner):
             final = self.exported(model, environment)
             return bool(training.report(final, model.num_timesteps * environment.hold))
 
-        before_the_end = sorted(report_rounds(rounds, training.checkpoints))[:-1]
+        before_the_end = sorted(shared.report_rounds(rounds, training.checkpoints))[:-1]
         never = training.steps + 1
         callback = Checkpoints([size * done for done in before_the_end], report)
         model.learn(rounds * size, callback=callback, log_interval=never)
@@ -136,10 +121,10 @@ class SB3Agent(Learner):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SB3OffPolicy(SB3Agent, OffPolicy):
+class SB3OffPolicy(SB3Agent, shared.OffPolicy):
     """An algorithm of SB3 with a replay."""
 
-    learning_starts: Whole = 800
+    learning_starts: shared.Whole = 800
     """transitions, with random actions, before the first update"""
 
     @property
@@ -151,7 +136,7 @@ class SB3OffPolicy(SB3Agent, OffPolicy):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SB3DQN(DeepQ, SB3OffPolicy):
+class SB3DQN(shared.DeepQ, SB3OffPolicy):
     """Deep Q-learning as Stable-Baselines3 implements it: a cross-check of `dqn` by code that others wrote.
 
     Where it differs from `dqn`: Huber loss; targets of plain rewards (not weighted by 1 - gamma), so that Q is about
@@ -161,12 +146,12 @@ class SB3DQN(DeepQ, SB3OffPolicy):
     """
 
     algorithm_name = "DQN"
-    recipe = MappingProxyType({**SHARED, "gamma": 0.9, "n_steps": 5, "buffer_size": 131072})
+    recipe = MappingProxyType({**shared.SHARED, "gamma": 0.9, "n_steps": 5, "buffer_size": 131072})
     preference = MappingProxyType({"grid": 2})
     takes_grid = True
 
-    learning_starts: Whole = 100
-    target_update_interval: Count = 1
+    learning_starts: shared.Whole = 100
+    target_update_interval: shared.Count = 1
     """transitions from one update of the target to the next, at least one step of all copies"""
 
     def options(self, environment: Environment) -> dict[str, Any]:
@@ -177,7 +162,7 @@ class SB3DQN(DeepQ, SB3OffPolicy):
         from stlbench_agents.q_learner import GreedyPolicy, QNetwork  # imports Numba, which parameters do not need
 
         *hidden, (matrix, bias) = linear_layers(model.q_net.q_net)
-        size, grid = environment.observation_size, grid_of(environment.actions).shape
+        size, grid = environment.observation_size, shared.grid_of(environment.actions).shape
         network = QNetwork(size, [len(layer[1]) for layer in hidden], grid, "joint")
         return GreedyPolicy(network, [*chain.from_iterable(hidden), matrix.T, bias])
 
@@ -187,26 +172,28 @@ class SB3TD3(SB3OffPolicy):
     """TD3 (Fujimoto, van Hoof, Meger 2018) as SB3 implements it: a cross-check of `td3` by code that others wrote."""
 
     algorithm_name = "TD3"
-    recipe = MappingProxyType({**SHARED, "gradient_steps": 4, "n_steps": 3})
+    recipe = MappingProxyType({**shared.SHARED, "gradient_steps": 4, "n_steps": 3})
 
-    policy_delay: Count = 2
+    policy_delay: shared.Count = 2
     """updates of the critics for one of the actor"""
-    target_policy_noise: NotNegative = 0.1
+    target_policy_noise: shared.NotNegative = 0.1
     """standard deviation of the noise on target actions, which lie in [-1, 1]"""
-    target_noise_clip: NotNegative = 0.25
+    target_noise_clip: shared.NotNegative = 0.25
     """the most that this noise may be"""
-    exploration_noise: NotNegative = 0.2
+    exploration_noise: shared.NotNegative = 0.2
     """standard deviation of the noise on actions in training, which lie in [-1, 1]"""
 
     def options(self, environment: Environment) -> dict[str, Any]:
         from stable_baselines3.common.noise import NormalActionNoise
 
-        axes, options = len(box_of(environment.actions).names), super().options(environment)
+        axes, options = len(shared.box_of(environment.actions).names), super().options(environment)
         noise = NormalActionNoise(np.zeros(axes), np.full(axes, options.pop("exploration_noise")))
         return options | {"action_noise": noise}
 
     def exported(self, model: TD3, environment: Environment) -> Policy:
-        return ActorPolicy(linear_layers(model.actor.mu.children()), box_of(environment.actions), "relu", squashed=True)
+        return ActorPolicy(
+            linear_layers(model.actor.mu.children()), shared.box_of(environment.actions), "relu", squashed=True
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,10 +201,10 @@ class SB3SAC(SB3OffPolicy):
     """Soft actor-critic (Haarnoja et al. 2018) as SB3 implements it, with its entropy coefficient learned."""
 
     algorithm_name = "SAC"
-    recipe = MappingProxyType({**SHARED, "gradient_steps": 4, "n_steps": 3})
+    recipe = MappingProxyType({**shared.SHARED, "gradient_steps": 4, "n_steps": 3})
     preference = MappingProxyType({"box": 2})
 
-    ent_coef_initial: Positive = 0.1
+    ent_coef_initial: shared.Positive = 0.1
     """the entropy coefficient at the start; SB3's own 1 is large beside rewards of at most 1"""
 
     def options(self, environment: Environment) -> dict[str, Any]:
@@ -226,7 +213,7 @@ class SB3SAC(SB3OffPolicy):
 
     def exported(self, model: SAC, environment: Environment) -> Policy:
         layers = linear_layers([*model.actor.latent_pi.children(), model.actor.mu])
-        return ActorPolicy(layers, box_of(environment.actions), "relu", squashed=True)
+        return ActorPolicy(layers, shared.box_of(environment.actions), "relu", squashed=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,18 +225,18 @@ class SB3PPO(SB3Agent):
     """
 
     algorithm_name = "PPO"
-    recipe = SHARED
+    recipe = shared.SHARED
 
-    n_steps: Count = 256
+    n_steps: shared.Count = 256
     """steps of all copies in a rollout"""
-    batch_size: Count = 256
-    n_epochs: Count = 10
+    batch_size: shared.Count = 256
+    n_epochs: shared.Count = 10
     """passes over a rollout"""
-    gae_lambda: Share = 0.95
+    gae_lambda: shared.Share = 0.95
     """of the generalised advantage estimate"""
-    clip_range: Positive = 0.2
+    clip_range: shared.Positive = 0.2
     """of the ratio of probabilities"""
-    ent_coef: NotNegative = 0.0
+    ent_coef: shared.NotNegative = 0.0
     """weight of the entropy in the loss"""
 
     @property
@@ -270,4 +257,4 @@ class SB3PPO(SB3Agent):
 
     def exported(self, model: PPO, environment: Environment) -> Policy:
         layers = linear_layers([*model.policy.mlp_extractor.policy_net.children(), model.policy.action_net])
-        return ActorPolicy(layers, box_of(environment.actions), "tanh", squashed=False)
+        return ActorPolicy(layers, shared.box_of(environment.actions), "tanh", squashed=False)

@@ -12,47 +12,36 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from stlbench.contract import ActionBox, Actions, Arrays, Cost, Environment, Policy
+from stlbench_agents import training
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.training import (
-    SHARED,
-    Count,
-    LockStepAgent,
-    LockStepLearner,
-    NotNegative,
-    Positive,
-    ShareBelow1,
-    Whole,
-    box_of,
-    cost_of,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TD3(LockStepAgent):
+class TD3(training.LockStepAgent):
     """Twin delayed deep deterministic policy gradient with a time-aware input."""
 
-    policy_delay: Count = 2
+    policy_delay: training.Count = 2
     """updates of the critics for one of the actor and of the targets"""
-    averaging: ShareBelow1 = 0.995
-    target_policy_noise: NotNegative = 0.1
+    averaging: training.ShareBelow1 = 0.995
+    target_policy_noise: training.NotNegative = 0.1
     """standard deviation of the noise on target actions, which lie in [-1, 1]"""
-    target_noise_clip: NotNegative = 0.25
+    target_noise_clip: training.NotNegative = 0.25
     """the most that this noise may be"""
-    exploration_noise: NotNegative = 0.2
+    exploration_noise: training.NotNegative = 0.2
     """standard deviation of the noise on actions in training, which lie in [-1, 1]; it rises from a quarter of this in
     the first copy to one and three quarters in the last"""
-    exploration_noise_final: NotNegative | None = None
+    exploration_noise_final: training.NotNegative | None = None
     """what that falls to, linearly over the budget; it stays where left out"""
-    random_steps: Whole = 100
+    random_steps: training.Whole = 100
     """steps of all copies with random actions at the start, without updates"""
-    action_penalty: NotNegative = 0.005
+    action_penalty: training.NotNegative = 0.005
     """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
-    reward_scale: Positive = 10.0
+    reward_scale: training.Positive = 10.0
 
     compiled_part = "td3"
     recipe = MappingProxyType(
         {
-            **SHARED,
+            **training.SHARED,
             "copies": 8,
             "gradient_steps": 4,
             "n_steps": 3,
@@ -71,20 +60,20 @@ class TD3(LockStepAgent):
         }
     )
 
-    def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
+    def begin(self, environment: Environment, seed: int, rounds: int) -> training.LockStepLearner:
         from stlbench_agents.td3_learner import TD3Learner  # imports Numba
 
-        box, size = box_of(environment.actions), environment.observation_size
+        box, size = training.box_of(environment.actions), environment.observation_size
         return TD3Learner(self, size, box, environment.count, seed, rounds)
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        return ActorPolicy.of(arrays, box_of(actions))
+        return ActorPolicy.of(arrays, training.box_of(actions))
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
         """The cost of a critic, and of the replay; the actor's is about that of a critic."""
         axes = len(actions.names)
-        return cost_of(size + axes, self.net_arch, 1, min(decisions, self.buffer_size))
+        return training.cost_of(size + axes, self.net_arch, 1, min(decisions, self.buffer_size))
 
     def compile(self) -> None:
         from stlbench_agents.td3_learner import TD3Learner

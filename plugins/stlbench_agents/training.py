@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -36,7 +35,7 @@ from stlbench.contract import (
     Transition,
     Unsuitable,
 )
-from stlbench.contract.compiled import folder
+from stlbench.contract.compiled import is_ready, note_ready
 
 
 def report_rounds(rounds: int, checkpoints: int) -> set[int]:
@@ -181,19 +180,6 @@ class DeepQ(OffPolicy):
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 
 
-def is_ready(part: str) -> bool:
-    """Whether this machine has compiled a part of the code of this package, in its present state."""
-    kept = folder(__package__)
-    return kept is not None and (kept / part).exists()
-
-
-def note_ready(part: str) -> None:
-    """Note that it has; if nothing can be written, each process compiles again."""
-    if kept := folder(__package__):
-        with suppress(OSError):
-            (kept / part).touch()
-
-
 @dataclass(frozen=True, kw_only=True)
 class CompiledAgent(Agent):
     """An agent with code that is compiled once on each machine."""
@@ -208,11 +194,11 @@ class CompiledAgent(Agent):
         """Compile the part, or load it from the disk."""
 
     def uncompiled(self) -> Callable[[], None] | None:
-        return None if is_ready(self.compiled_part) else self.preload
+        return None if is_ready(__package__, self.compiled_part) else self.preload
 
     def preload(self) -> None:
         self.compile()
-        note_ready(self.compiled_part)
+        note_ready(__package__, self.compiled_part)
 
 
 class LockStepLearner(Protocol):

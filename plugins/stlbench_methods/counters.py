@@ -77,7 +77,7 @@ class Answer:
         return f"an answer within {self.wait} of each request at {self.start}..{self.end}{run}"
 
 
-Part = Reach | Answer
+Duty = Reach | Answer
 
 DONE, FAILED = -2, -1
 """States of a part, which take the place of the last number of its memory."""
@@ -97,7 +97,7 @@ class Tables(NamedTuple):
     most: Integers  # (m,): the greatest count of each number
 
 
-def tables_of(parts: Sequence[Part]) -> tuple[Tables, tuple[Formula, ...]]:
+def tables_of(parts: Sequence[Duty]) -> tuple[Tables, tuple[Formula, ...]]:
     """The tables, and the formulas whose truth they need, each once."""
     needs = [need for part in parts for need in part.needs]
     needed = tuple(dict.fromkeys(need for need in needs if need is not None))
@@ -116,7 +116,7 @@ def tables_of(parts: Sequence[Part]) -> tuple[Tables, tuple[Formula, ...]]:
     return tables, needed
 
 
-def parts_of(formula: Formula) -> tuple[Part, ...]:
+def parts_of(formula: Formula) -> tuple[Duty, ...]:
     """The parts whose conjunction is the formula, intervals in steps.
 
     Raises `Unsuitable` where one counter for each operator does not decide it, with the operator, its place and why.
@@ -129,7 +129,7 @@ def parts_of(formula: Formula) -> tuple[Part, ...]:
     return tuple(_conjuncts(formula))
 
 
-def _conjuncts(formula: Formula) -> list[Part]:
+def _conjuncts(formula: Formula) -> list[Duty]:
     match phi := _simple(formula):
         case stl.And(args):
             return [part for arg in args for part in _conjuncts(arg)]
@@ -141,7 +141,7 @@ def _conjuncts(formula: Formula) -> list[Part]:
             return _always(phi, 0, 0)
 
 
-def _always(formula: Formula, a: int, b: int, request: Formula | None = None) -> list[Part]:
+def _always(formula: Formula, a: int, b: int, request: Formula | None = None) -> list[Duty]:
     """G[a,b] (request -> formula)."""
     match phi := _simple(formula):
         case _ if not is_temporal(phi):
@@ -169,7 +169,7 @@ def _always(formula: Formula, a: int, b: int, request: Formula | None = None) ->
 
 def _answered(
     eventually: Formula, goal: Formula, times: tuple[int, int], within: tuple[int, int], request: Formula | None
-) -> Part:
+) -> Duty:
     """G[a,b] (request -> F[c,d] goal)."""
     (a, b), (c, d) = times, within
     inner = _simple(goal)
@@ -187,7 +187,7 @@ def _answered(
 
 def _kept(
     until: stl.Until, left: Formula, right: Formula, times: tuple[int, int], request: Formula | None
-) -> list[Part]:
+) -> list[Duty]:
     """G[a,b] (request -> left U[c,d] right). If c > 0, left holds for c steps first."""
     a, b = times
     if until.a == 0:

@@ -100,7 +100,7 @@ class Terms(NamedTuple):
     paid: Array  # (n, 2): for the flag down and up
 
 
-Value = Callable[[Array, Integers], Array]  # a function of signals (..., k) and sample indices (...), giving (...)
+ValueAt = Callable[[Array, Integers], Array]  # a function of signals (..., k) and sample indices (...), giving (...)
 
 Activity = Literal["last-deadline", "literal"]
 """`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
@@ -131,7 +131,7 @@ def at(table: Array | Truth, t: Integers) -> Any:
     return table[t] if isinstance(t, np.ndarray) else t.__array_namespace__().asarray(table)[t]
 
 
-def timeless(value: Callable[[Array], Array]) -> Value:
+def timeless(value: Callable[[Array], Array]) -> ValueAt:
     return lambda signals, t: value(signals)
 
 
@@ -141,7 +141,7 @@ def least_paid(least: Array, active: Truth) -> float:
     return float(np.where(np.isinf(paid), 0.0, paid).min())
 
 
-def least_active(values: Sequence[Value], active: Truth) -> Value:
+def least_active(values: Sequence[ValueAt], active: Truth) -> ValueAt:
     """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently)."""
     if len(values) == 1 and active.all():
         return values[0]

@@ -14,16 +14,7 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.contract.presentation import Band
 from stlbench.stl import Term
-from stlbench_methods.formula_parts import (
-    Activity,
-    Value,
-    active_from,
-    active_table,
-    at,
-    bounded_range,
-    least_active,
-    least_paid,
-)
+from stlbench_methods import formula_parts
 
 Variant = Literal["paper", "code"]
 Shape = Literal["linear", "clipped", "normalised"]
@@ -81,22 +72,22 @@ class Funnel(RewardMethod):
         specification: Specification,
         *,
         variant: Variant = "paper",
-        activity: Activity = "last-deadline",
+        activity: formula_parts.Activity = "last-deadline",
         shape: Shape = "linear",
         t_star: Annotated[float, Field(ge=0, le=1)] = 1.0,
         ginf: Annotated[float, Field(gt=0)] = 0.01,
     ) -> None:
         super().__init__(specification)
         terms = specification.terms
-        begins = active_from(terms, activity)
+        begins = formula_parts.active_from(terms, activity)
         self.curves = tuple(
             self._curve(term, t0, variant, t_star, ginf) for term, t0 in zip(terms, begins, strict=True)
         )
-        self.active = active_table(terms, specification.steps, activity)
+        self.active = formula_parts.active_table(terms, specification.steps, activity)
         rewards = [self._term_reward(term, curve, shape) for term, curve in zip(terms, self.curves, strict=True)]
-        self._least = least_active(rewards, self.active)
+        self._least = formula_parts.least_active(rewards, self.active)
         self._clip = shape == "clipped"
-        least = least_paid(np.array([self._worst(curve, shape) for curve in self.curves]), self.active)
+        least = formula_parts.least_paid(np.array([self._worst(curve, shape) for curve in self.curves]), self.active)
         self._floor = min(0.0, least) if self._clip else least
         widest = max(curve.gamma_0 for curve in self.curves)
         self.scale = math.log1p(widest / ginf) if shape == "normalised" else widest
@@ -127,7 +118,7 @@ class Funnel(RewardMethod):
         return tuple(bands)
 
     def _curve(self, term: Term, t0: int, variant: Variant, t_star: float, ginf: float) -> Curve:
-        rho_min, rho_max = bounded_range(self.specification, term.psi, term.formula)
+        rho_min, rho_max = formula_parts.bounded_range(self.specification, term.psi, term.formula)
         gamma_0 = rho_max - rho_min
         if ginf > min(gamma_0, rho_max) - 1e-6:  # bounds are rounded outwards
             raise Unsuitable(
@@ -136,13 +127,13 @@ class Funnel(RewardMethod):
             )
         return Curve(gamma_0, ginf, rho_max, t0, _t_star(term, t0, variant, t_star))
 
-    def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> Value:
+    def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> formula_parts.ValueAt:
         margin = self.specification.margin(term.psi)
         gamma = self._width(curve)
         if shape == "normalised":
-            return lambda s, t: -np.log1p((curve.rho_max - margin(s)) / at(gamma, t))
+            return lambda s, t: -np.log1p((curve.rho_max - margin(s)) / formula_parts.at(gamma, t))
         offset = gamma - curve.rho_max
-        return lambda s, t: margin(s) + at(offset, t)
+        return lambda s, t: margin(s) + formula_parts.at(offset, t)
 
     def _worst(self, curve: Curve, shape: Shape) -> Array:
         """The term's reward where psi is least in the box of the signals, at each sample: (T + 1,)."""

@@ -25,14 +25,14 @@ from stlbench.report import Column, Table, Value, condense, evidence
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, schedules
-from stlbench.simulation.auto import alternatives
-from stlbench.simulation.haste import too_fast
 from stlbench.statistics import across
 from stlbench.statistics.intervals import Interval
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.study.fitting import fit
 from stlbench.task.forms import traits
 from stlbench.task.task import Task, load_task
+from stlbench.tracks.auto import alternatives
+from stlbench.tracks.haste import too_fast
 
 
 def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, Any]:

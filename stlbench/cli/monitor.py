@@ -12,7 +12,7 @@ from stlbench.cli.common import warn
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records.array_files import SavedTraces, read_saved
-from stlbench.simulation.trace_table import TraceTable, read_table, times_of
+from stlbench.share.trace_table import TraceTable, read_table, times_of
 from stlbench.simulation.verdicts import last_steps
 from stlbench.stl.language.parser import listed
 

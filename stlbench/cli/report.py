@@ -26,10 +26,10 @@ from stlbench.report import Group, Report, Width, condense, to_records, write
 from stlbench.report.page import require, write_page
 from stlbench.share.rescored import bundles_table, read_bundles
 from stlbench.simulation.faults import Question, plugins_of
-from stlbench.simulation.references import References, references
 from stlbench.study.plugin_guard import ask, ask_one, load_guarded
 from stlbench.study.policies import Start, parse_start
 from stlbench.study.results import Results
+from stlbench.tracks.references import References, references
 
 _FEW = 3  # settings that a warning names
 

@@ -26,7 +26,6 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.named_tasks import task_of
 from stlbench.report import Column, Table, Value, condense, only, to_csv, to_screen
-from stlbench.simulation.references import differences
 from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask
@@ -36,6 +35,7 @@ from stlbench.study.scheduler import build_executor
 from stlbench.study.study import Study
 from stlbench.study.tuning import Entrant, Trial, entrants, search
 from stlbench.task.task import load_task
+from stlbench.tracks.references import differences
 
 DEFAULTS = {"tasks": "reach-stay", "methods": "funnel,flag"}  # what is compared where neither options nor a file say
 

@@ -21,17 +21,17 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, Value
 from stlbench.schedules.plan import UnscheduledError
-from stlbench.simulation.auto import alternatives
 from stlbench.simulation.baselines import Constants
 from stlbench.simulation.faults import Question, answers
-from stlbench.simulation.haste import too_fast
-from stlbench.simulation.references import at_random, by_hand, constant_actions, differences
 from stlbench.simulation.worlds import size_without
 from stlbench.study.cell import on_track, own_agent_on
 from stlbench.study.fitting import fit
 from stlbench.study.plugin_guard import ask
 from stlbench.task.build import Difference
 from stlbench.task.task import Task, load_task
+from stlbench.tracks.auto import alternatives
+from stlbench.tracks.haste import too_fast
+from stlbench.tracks.references import at_random, by_hand, constant_actions, differences
 
 _AS_STATED = ("title", "source", "notes", "steps", "sampling_time", "hold", "starts", "robots", "agents")
 """What the facts have as the task file states it."""

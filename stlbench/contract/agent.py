@@ -252,6 +252,11 @@ class Model:
     starts: Array
     """(several, n): states from which training episodes start."""
 
+    @property
+    def decisions(self) -> int:
+        """The number of actions in an episode."""
+        return self.steps // self.hold
+
 
 @dataclass(frozen=True)
 class Training:

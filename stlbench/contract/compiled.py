@@ -16,6 +16,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -85,6 +86,19 @@ def folder(package: str) -> Path | None:
     except OSError:
         return None
     return found
+
+
+def is_ready(package: str, part: str) -> bool:
+    """Whether this machine has compiled a part of a package's code, in its present state."""
+    kept = folder(package)
+    return kept is not None and (kept / part).exists()
+
+
+def note_ready(package: str, part: str) -> None:
+    """Note that it has; if nothing can be written, each process compiles again."""
+    if kept := folder(package):
+        with suppress(OSError):
+            (kept / part).touch()
 
 
 def _sources(package: str) -> Iterator[Path]:

@@ -28,7 +28,7 @@ from stlbench.records.result_files import LINES, csv_text, followed, read, to_re
 from stlbench.records.schema import is_sqlite
 from stlbench.share.bundle import unpacked
 from stlbench.study.cell import Cell
-from stlbench.study.logs import Progress
+from stlbench.study.logs import Listener
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE
 from stlbench.study.run import run_cells
@@ -260,7 +260,7 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
     return tuple(cell for cell in cells if cell.id in snapshot.samples)
 
 
-def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Progress | None = None) -> Snapshot:
+def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Listener | None = None) -> Snapshot:
     """Run the cells without a result in the folder, or with one of other code."""
     run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
     with Ledger(folder / FILE, create=False) as ledger:

@@ -41,7 +41,7 @@ from stlbench.report.tables.yardsticks import Aligned, Known, align, alignment_t
 
 if TYPE_CHECKING:
     from stlbench.report.figures.regions import Load
-    from stlbench.simulation.references import References
+    from stlbench.tracks.references import References
 
 __all__ = [
     "Column",

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 MOST = 350
 """Cells that a page has one by one, of 4 kB each. Its tables and figures are of all cells."""
 _LOG_LINES = 60
-Part = dict[str, Any]  # what the template shows of a task or a cell
+Shown = dict[str, Any]  # what the template shows of a task or a cell
 
 
 def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
@@ -69,7 +69,7 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     return rows, Table.of("Cells", rows, columns, (*notes, *further)).trimmed()
 
 
-def cell_part(row: Row, result: Result | None, folder: Path) -> Part:
+def cell_part(row: Row, result: Result | None, folder: Path) -> Shown:
     """All that is recorded of one cell: facts, tables, and texts such as a traceback."""
     if result is None:
         facts = {"status": row.status, "budget": row.id.budget}
@@ -216,7 +216,7 @@ class _Page:
         over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
         pictures = [picture for drawing in over_all for picture in self.room.drawn(drawing)]
         of_tasks, without = self._of_tasks()
-        parts, done = list[Part](), 0
+        parts, done = list[Shown](), 0
         for choice, members in groupby(report.groups, key=lambda group: group.setting.task):
             groups = list(members)
             shown = of_tasks.get(choice, [])
@@ -274,7 +274,7 @@ class _Page:
             pictures[choice] += [picture for drawing in own[1:] for picture in self.room.drawn(drawing)]
         return pictures, {choice for choice, own in drawings.items() if len(pictures[choice]) < len(own)}
 
-    def task_part(self, choice: Choice, groups: Sequence[Group]) -> Part:
+    def task_part(self, choice: Choice, groups: Sequence[Group]) -> Shown:
         """The task, the results of its policies, and the gaps of the folder."""
         from stlbench.report.figures.margins import Story, tell_story, worst_table
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
+
+import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -79,7 +82,8 @@ def _goals_and_terms(schedule: Schedule, regions: Regions) -> tuple[int, int]:
 def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Array) -> Schedule | None:
     """The schedule whose windows leave the most time after witnesses have met them; None where there is none.
 
-    Of those that leave nearly as much, it has the fewest goals, then the fewest terms.
+    Of those that leave nearly as much, it has the fewest goals, then the fewest terms. A witness is left out where no
+    windows serve it and those before it.
 
     Args:
         formula, regions, hold, last: as for `schedules`.
@@ -88,15 +92,23 @@ def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Arr
     Raises:
         UnscheduledError: as `schedules`.
     """
-    for width in (hold, 0):  # as in `schedules`
-        found = list[tuple[float, Schedule]]()
-        for programme in _programmes(formula, regions, width, last)[:MOST_AROUND]:
-            fitted = times_around(programme, traces, tuple(regions.box))
-            if fitted is not None and (terms := programme.plan.terms(fitted[1].values)):
-                found.append((fitted[0], Schedule(terms, fitted[1].pace)))
-        if found:
-            return _best_first(found, regions)[0]
-    return None
+    programmes = cache(lambda width: _programmes(formula, regions, width, last)[:MOST_AROUND])
+    kept, best = traces[:0], None
+    for trace in traces:
+        more = np.concatenate([kept, trace[None]])
+        tried = (_around(programmes(width), regions, more) for width in (hold, 0))  # as in `schedules`
+        schedule = next(filter(None, tried), None)
+        kept, best = (kept, best) if schedule is None else (more, schedule)
+    return best
+
+
+def _around(programmes: Sequence[Programme], regions: Regions, traces: Array) -> Schedule | None:
+    found = list[tuple[float, Schedule]]()
+    for programme in programmes:
+        fitted = times_around(programme, traces, tuple(regions.box))
+        if fitted is not None and (terms := programme.plan.terms(fitted[1].values)):
+            found.append((fitted[0], Schedule(terms, fitted[1].pace)))
+    return _best_first(found, regions)[0] if found else None
 
 
 def _programmes(formula: Formula, regions: Regions, hold: int, last: int) -> list[Programme]:

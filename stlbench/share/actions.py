@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError, cause, did_you_mean
+from stlbench.share.trace_table import read_table
 from stlbench.simulation.faults import out_of_range
-from stlbench.simulation.trace_table import read_table
 
 _ROUNDING = 1e-6  # share of an axis' span by which rounding may take an action off the grid
 
@@ -97,7 +97,8 @@ def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Mo
         raise UsageError(f"{source}: its actions are no array: {error}") from error
     if isinstance(actions, ActionGrid) and array.dtype.kind in "iu" and array.shape == (count,):
         return _indices(array.astype(np.int64), actions.size, source)
-    if isinstance(actions, ActionGrid) and array.dtype.kind == "f" and _are_values(array, actions, count):
+    each_action = isinstance(actions, ActionGrid) and array.shape == (count, actions.size)  # or is it for each axis?
+    if each_action and array.dtype.kind == "f" and array.shape != (count, len(actions.names)):
         if np.isnan(array).any():
             raise UsageError(f"{source}: a value of an action is NaN")
         best: Integers = array.argmax(axis=1)
@@ -114,11 +115,6 @@ def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Mo
     if moved is not None:
         moved.add(actions, vectors, index)
     return index
-
-
-def _are_values(array: NDArray[Any], actions: ActionGrid, count: int) -> bool:
-    """Whether there is a number for each action, not for each axis."""
-    return array.shape == (count, actions.size) and actions.size != len(actions.names)
 
 
 def _indices(array: Integers, size: int, source: str) -> Integers:

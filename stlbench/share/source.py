@@ -20,8 +20,8 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError, cause, did_you_mean
 from stlbench.records.array_files import read_saved
 from stlbench.registry.fingerprint import fingerprint
+from stlbench.share.trace_table import read_table, times_of
 from stlbench.simulation.referee import Episodes
-from stlbench.simulation.trace_table import read_table, times_of
 from stlbench.simulation.verdicts import last_steps
 from stlbench.simulation.worlds import make_world
 from stlbench.task.task import Task

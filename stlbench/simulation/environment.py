@@ -213,7 +213,7 @@ class _Taken(NamedTuple):
     t: Integers  # (N,), before it
     memory: Array  # (N, m), before it
     transition: Transition
-    fate: _StepEnd
+    end: _StepEnd
 
 
 class _Past:
@@ -258,8 +258,7 @@ class BatchEnvironment:
         self._past = _Past(task, count) if any(end.where == LOST for end in self._training.ends) else None
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
-        self.taken = 0
-        self.decisions = horizon // task.file.hold
+        self.taken, self.decisions = 0, task.file.decisions
         self.observation_size = self.reset().shape[1]
         self.time_column = self.observation_size - method.input_size - 1
         self._generator = np.random.default_rng(seed)
@@ -280,13 +279,13 @@ class BatchEnvironment:
         held = simulator.advance(action)
         self.taken += self.count * self.hold
         reward = held.reward / simulator.method.scale
-        fate, t = self._fate(reward, held.samples), simulator.t
-        event = self._outcome(simulator.memory, fate)
+        end, t = self._step_end(reward, held.samples), simulator.t
+        event = self._outcome(simulator.memory, end)
         boundary, ended = self._events[t] == Event.CUT, event >= Event.TIME_LIMIT
         arrived, observation = self._seen_at(boundary, ended)
         transition = Transition(observation, reward, arrived, event)
         if self.counterfactuals:
-            self._seen, self._taken = observation, _Taken(*before, transition, fate)
+            self._seen, self._taken = observation, _Taken(*before, transition, end)
         return transition
 
     def _seen_at(self, boundary: Truth, ended: Truth) -> tuple[Array, Array]:
@@ -315,7 +314,7 @@ class BatchEnvironment:
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         """The last step with other memories (see `contract.Environment`)."""
         simulator, method, taken = self.simulator, self.simulator.method, self._taken
-        samples, fixed = simulator.last_samples, taken.fate.fixed
+        samples, fixed = simulator.last_samples, taken.end.fixed
         other = method.counterfactual(samples[0], taken.t, taken.memory, generator.random(taken.memory.shape))
         faults.check_memory(method, other, taken.t)
         memory = np.where(fixed[:, None], taken.memory, other)
@@ -323,11 +322,11 @@ class BatchEnvironment:
         transition = taken.transition._replace(
             reward=np.where(fixed, taken.transition.reward, reward / method.scale),
             arrived=_with_inputs(method, taken.transition.arrived, after),
-            event=np.maximum(self._outcome(after, taken.fate), np.int8(Event.CUT)),
+            event=np.maximum(self._outcome(after, taken.end), np.int8(Event.CUT)),
         )
         return _with_inputs(method, taken.observation, memory), transition
 
-    def _fate(self, reward: Array, samples: Array) -> _StepEnd:
+    def _step_end(self, reward: Array, samples: Array) -> _StepEnd:
         """The end of a step with samples (N, hold, k). Pays, in place, the copies that the task or the world ended."""
         simulator, t = self.simulator, self.simulator.t
         fixed, event = np.zeros(self.count, dtype=np.bool_), self._events[t]
@@ -355,10 +354,10 @@ class BatchEnvironment:
             left = self._early_ends.sum_left(last, simulator.last_action[[row]], t, memory) / method.scale
             reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
 
-    def _outcome(self, memory: Array, fate: _StepEnd) -> NDArray[np.int8]:
+    def _outcome(self, memory: Array, end: _StepEnd) -> NDArray[np.int8]:
         """The events (N,) of a step to these memories (N, m) of the method."""
         over = self.simulator.method.can_end and self.simulator.over(memory)
-        return np.where(over, np.int8(Event.OVER), fate.event)
+        return np.where(over, np.int8(Event.OVER), end.event)
 
     def _reset_rows(self, rows: Integers) -> None:
         simulator, exploring = self.simulator, self._training.exploring
@@ -366,8 +365,7 @@ class BatchEnvironment:
         self._broken_off[rows] = simulator.horizon
         if exploring is not None:
             chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
-            decisions = simulator.horizon // self.hold
-            t[chosen] = self._generator.integers(decisions, size=len(chosen)) * self.hold
+            t[chosen] = self._generator.integers(self.decisions, size=len(chosen)) * self.hold
             kept = self._generator.random(len(chosen)) < exploring.kept
             begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:

@@ -16,13 +16,13 @@ from stlbench.records.array_files import write_arrays
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.simulation.auto import aim_of, automatic, in_turn, scheduled
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.solver.workspace import TASK, UNSCHEDULED
 from stlbench.study.cell import own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods, load_task
-from stlbench.task.build import INIT
+from stlbench.task.build import INIT, aim_of, in_turn
 from stlbench.task.task import agents_for
+from stlbench.tracks.auto import automatic, scheduled
 
 _MOST = 4  # contestants
 _LONG = 20

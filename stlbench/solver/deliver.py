@@ -26,8 +26,6 @@ from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.share.onnx import export
-from stlbench.simulation.references import references
-from stlbench.solver import tries
 from stlbench.solver.contestants import rank
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
@@ -38,6 +36,7 @@ from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
 from stlbench.task.reading import code_of
 from stlbench.task.task import Task
+from stlbench.tracks.references import references
 
 _SHARE = 0.05
 """Of the time, for the episodes of the certificate, and as many for those of the search for a counterexample."""
@@ -176,8 +175,7 @@ class Delivery:
 
     def _notes(self, facts: Mapping[str, Any]) -> list[str]:
         """What the user should know of the problem, without doubts that the policy refutes."""
-        refuted = tries.DOUBTS if facts["probability"] >= LEARNED else ()
-        return [note for note in self.workspace.notes if not note.startswith(refuted)]
+        return [*(() if facts["probability"] >= LEARNED else self.workspace.doubts), *self.workspace.notes]
 
     def _text(
         self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None, remarks: Sequence[str]

@@ -272,13 +272,15 @@ def _of_environment(problem: Problem, seconds: float | None) -> dict[str, Any]:
     ends = {name: _ends(name, texts.get(name, name), entries) for name in used}
     seen = {*content["environment"].get("scale", ()), *(name for name, pair in told.items() if pair != (0, 1))}
     _refuse_impossible(formula, {name: _surely(texts.get(name, name), ends[name], seen) for name in used})
+    # an operator that asks for some time, not for all: an environment may end because something was reached
+    has_goals = any(isinstance(node, stl.Eventually | stl.Until) for node in walk(formula))
     return content | {
         "title": f"{problem.formula} on {problem.environment}",
         "formula": str(stl.resolve_end(formula, steps)),
         "time": "steps",
         "steps": steps,
         "hold": hold,
-        "terminated": problem.terminated or ("hold" if _has_goals(formula) else "violated"),
+        "terminated": problem.terminated or ("hold" if has_goals else "violated"),
         "signals": {name: _signal(name, texts.get(name), ends[name]) for name in used},
     }
 
@@ -369,8 +371,3 @@ def _check_horizon(formula: stl.Formula, steps: int, environment: str) -> None:
         raise UsageError(f"formula: the first sample of an episode decides it, and {rule}")
     if horizon > steps:
         raise UsageError(f"formula: it looks {horizon} steps ahead, and an episode of {environment} has {steps}")
-
-
-def _has_goals(formula: stl.Formula) -> bool:
-    """Whether an environment may end because something was reached: an operator asks for some time, not for all."""
-    return any(isinstance(node, stl.Eventually | stl.Until) for node in walk(formula))

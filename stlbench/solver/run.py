@@ -21,7 +21,7 @@ from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
 from stlbench.solver.start import Start
-from stlbench.solver.workspace import is_of, pose
+from stlbench.solver.workspace import is_of, workspace_of
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_make import blaming
@@ -94,8 +94,8 @@ def solve(
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")
     with blaming(identifier):
-        workspace = pose(problem, folder, minutes, note)
-    for line in workspace.notes:
+        workspace = workspace_of(problem, folder, minutes, note)
+    for line in (*workspace.doubts, *workspace.notes):
         note(line)
     if begun is not None:
         begun.check(workspace.task)

@@ -9,13 +9,13 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.observation import Observation
 from stlbench.records.result_files import cell_files
-from stlbench.simulation.auto import automatic
 from stlbench.simulation.worlds import observation_of
 from stlbench.solver.contestants import Contestant, again, resumes
 from stlbench.solver.solution import FILE, cells_of, certificate_of
 from stlbench.study.initial import Initial, read
 from stlbench.study.results import Results
 from stlbench.task import Task, build_agent, build_method, load_task
+from stlbench.tracks.auto import automatic
 
 
 @dataclass(frozen=True)

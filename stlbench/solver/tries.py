@@ -18,11 +18,11 @@ from stlbench.records.result import LEARNED, Score
 from stlbench.simulation import baselines, referee
 from stlbench.simulation.baselines import Unpaid, held_at_random, in_pieces, random_actions, replay
 from stlbench.simulation.environment import BatchEnvironment
-from stlbench.simulation.haste import too_fast
 from stlbench.simulation.verdicts import judge
 from stlbench.solver.problem import why_impossible
 from stlbench.study.progress import duration
 from stlbench.task.task import Task
+from stlbench.tracks.haste import too_fast
 
 COPIES, _ELITE = 32, 6
 """Episodes of a generation, and how many of all so far the next one is made from."""
@@ -59,7 +59,7 @@ def search(task: Task, seconds: float, begun: Array, near: Nearest | None = None
     It begins with the sequences of another search, if there is one.
     """
     clock, generator = time.perf_counter(), np.random.default_rng(0)
-    decisions = task.file.steps // task.file.hold
+    decisions = task.file.decisions
     pieces = min(_MOST_ACTIONS, decisions)
     when = in_pieces(decisions, pieces)
     pool = held_at_random(task.actions, generator, COPIES, pieces) if near is None else near.pool
@@ -149,7 +149,7 @@ def try_at_random(task: Task) -> None:
 def is_repeatable(task: Task) -> bool:
     """Whether the same starts and actions give the same episodes: an environment may ignore its seeds."""
     starts = task.starts.report_and_selection()[0][:_REPEATED_STARTS]
-    shape = len(starts), task.file.steps // task.file.hold
+    shape = len(starts), task.file.decisions
     drawn = baselines.random_actions(task.actions, np.random.default_rng(0), shape[0] * shape[1])
     actions = drawn.reshape(*shape, *drawn.shape[1:])
     first, second = (replay(task, actions, starts).traces for _ in range(2))
@@ -187,7 +187,7 @@ def of_search(nearest: Nearest | None) -> str:
 def of_course(task: Task, nearest: Nearest) -> str | None:
     """A warning where the actions of a witness satisfy from most starts, so that no policy needs to look."""
     begun = task.starts.report_and_selection()[0]
-    when = in_pieces(task.file.steps // task.file.hold, nearest.pool.shape[1])
+    when = in_pieces(task.file.decisions, nearest.pool.shape[1])
     best = nearest.pool[np.zeros(len(begun), dtype=np.int64)]
     played = replay(task, best[:, when], begun)
     robustness = judge(task.formula, played.traces, task.specification, task.file.terminated).robustness[:, 0]
@@ -197,22 +197,23 @@ def of_course(task: Task, nearest: Nearest) -> str | None:
     return f"trivial: by one fixed sequence of actions {100 * share:.0f} % of the starts satisfy"
 
 
-DOUBTS = ("perhaps too fast: ", "impossible, if ", "no witness was found: ")
-"""The beginnings of notes that a policy refutes which satisfies."""
+def doubts(task: Task) -> Iterator[str]:
+    """Notes that a policy refutes which satisfies."""
+    if reason := why_impossible(task.formula, task.file.box):  # else it was said before the task file was written
+        yield f"impossible, if the ranges that random actions show are right: {reason}"
+    if (warning := too_fast(task)) is not None:
+        yield warning
 
 
 def notes(task: Task, found: baselines.Constants, random: Score, repeatable: bool) -> Iterator[str]:
+    """Notes that hold whatever a policy reaches."""
     if not repeatable:
         yield "the environment ignores seeds: no episode can be repeated, so no counterexample is searched"
-    if reason := why_impossible(task.formula, task.file.box):  # else it was said before the task file was written
-        yield f"impossible, if the ranges that random actions show are right: {reason}"
     action = ", ".join(f"{value:.3g}" for value in found.action)
     tried = {"the action zero": found.zero, f"the constant action {action}": found.best, "random actions": random}
     for name, score in tried.items():
         if score.satisfaction >= LEARNED:
             yield f"trivial: by {name} {100 * score.satisfaction:.0f} % of the starts satisfy"
-    if (warning := too_fast(task)) is not None:
-        yield warning
     if random.ended_early:
         meaning = {
             "hold": "the last sample then stays to the end of the episode",

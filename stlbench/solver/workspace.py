@@ -22,13 +22,13 @@ from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice
 from stlbench.schedules.schedule import around, schedules
 from stlbench.simulation import baselines
-from stlbench.simulation.auto import regions, scheduled
 from stlbench.simulation.baselines import in_pieces
 from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
 from stlbench.task.entry import Finite, Positive
 from stlbench.task.reading import file_of
+from stlbench.tracks.auto import regions, scheduled
 
 TASK = Choice("task")
 """The folder of the task file, and so the task's name."""
@@ -74,8 +74,13 @@ class Workspace:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of it, in a line each."""
+        """What the user should know of it, in a line each, whatever a policy reaches."""
         return tuple(map(one_line, self.state["notes"]))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Further notes, which a policy refutes that satisfies."""
+        return tuple(map(one_line, self.state["doubts"]))
 
     def remember(self, **facts: Any) -> None:
         """Write facts into `solve.json`."""
@@ -103,7 +108,7 @@ class Workspace:
         try:
             actions = _Witness.model_validate_json(path.read_bytes()).actions
             task = self.task
-            decisions = task.file.steps // task.file.hold
+            decisions = task.file.decisions
             course = np.array(actions, dtype=np.float64).reshape(len(actions), len(task.actions.names))
         except (OSError, ValueError) as error:
             raise UsageError(f"{path} is not as `stlbench solve` writes it; name another folder") from error
@@ -129,22 +134,16 @@ class Workspace:
         self._follow(np.array(traces).reshape(len(traces), task.file.steps + 1, len(task.signals)))
         note = tries.of_search(found[0] if found else None)
         warning = tries.of_course(task, found[0]) if traces else None
-        self.remember(searched=True, notes=[*self.state["notes"], note, *filter(None, [warning])])
+        kind = "doubts" if found and not traces else "notes"
+        self.remember(searched=True, **{kind: [*self.state[kind], note, *filter(None, [warning])]})
         return note if warning is None else f"{note}; {warning}"
 
     def _follow(self, traces: Array) -> None:
-        """Write another schedule, unless the task has none: around witnesses (n, T + 1, k), else with wider windows.
-
-        A witness is left out where no windows serve it and those before it.
-        """
+        """Write another schedule, unless the task has none: around witnesses (n, T + 1, k), else with wider windows."""
         task, file, known = self.task, self.task.file, regions(self.task)
         if (own := scheduled(task)) is None:
             return
-        kept, found = traces[:0], None
-        for trace in traces:
-            more = np.concatenate([kept, trace[None]])
-            if (schedule := around(file.formula, known, file.hold, file.steps, more)) is not None:
-                kept, found = more, schedule
+        found = around(file.formula, known, file.hold, file.steps, traces)
         name = WIDE if found is None else WITNESSED
         found = found or schedules(file.formula, known, file.hold, file.steps, _WIDE_PACE)[0]
         if found.formula != own:
@@ -170,7 +169,7 @@ class Workspace:
         return content
 
 
-def pose(
+def workspace_of(
     problem: Problem, folder: Path, minutes: float = 10.0, say: Callable[[str], None] = lambda text: None
 ) -> Workspace:
     """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
@@ -194,7 +193,7 @@ def pose(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
         )
     try:
-        state = {"problem": problem.facts} | _posed(problem, home, 60 * minutes, say)
+        state = {"problem": problem.facts} | _prepared(problem, home, 60 * minutes, say)
     except BaseException:
         shutil.rmtree(home, ignore_errors=True)
         raise
@@ -212,6 +211,7 @@ class _State(BaseModel):
 
     problem: dict[str, Any]
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
     episode_seconds: Positive
     repeatable: bool = True
     searched: bool = False
@@ -259,7 +259,7 @@ def _shown(problem: Mapping[str, Any]) -> str:
     return f"{problem['environment']} {problem['formula'] or ''}".strip()
 
 
-def _posed(problem: Problem, home: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
+def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
     """Write the folder of the task; what `solve.json` says of it."""
     content = content_of(problem, max(_PLAY_SECONDS, _FIRST_LOOK_SHARE * seconds))
     content["budgets"] = {"probe": _probe(content["steps"])}
@@ -287,8 +287,8 @@ def _posed(problem: Problem, home: Path, seconds: float, say: Callable[[str], No
     _write(home / _FILE, content)
     task = load_task(TASK)
     repeatable = tries.is_repeatable(task)
-    notes = list(tries.notes(task, found, random, repeatable))
-    return {"notes": notes, "episode_seconds": episode, "repeatable": repeatable}
+    notes, doubts = list(tries.notes(task, found, random, repeatable)), list(tries.doubts(task))
+    return {"notes": notes, "doubts": doubts, "episode_seconds": episode, "repeatable": repeatable}
 
 
 def _probe(steps: int) -> dict[str, Any]:

@@ -23,10 +23,10 @@ from stlbench.records.result_files import write
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code, code_of, own_code
-from stlbench.simulation.auto import for_every_method
 from stlbench.task.entry import Count
 from stlbench.task.reading import load_yaml
 from stlbench.task.task import Task, agent_for, load_task
+from stlbench.tracks.auto import for_every_method
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ _NO_CODE = Code()
 
 
 @dataclass(frozen=True)
-class Part:
+class KeyPart:
     """What one plugin, as it was chosen, adds to a key."""
 
     digest: str
@@ -191,10 +191,10 @@ class Part:
 class KeyParts:
     """All of a key but the track and the seed."""
 
-    harness: Part
-    task: Part
-    method: Part
-    agent: Part
+    harness: KeyPart
+    task: KeyPart
+    method: KeyPart
+    agent: KeyPart
 
     @cached_property
     def code(self) -> tuple[Code, ...]:
@@ -212,12 +212,12 @@ class KeyParts:
         return digest([track, *self.parts, seed])
 
 
-def harness() -> Part:
+def harness() -> KeyPart:
     """stlbench's own code that trains and scores a cell: its revision, and the files that must not change meanwhile."""
-    return Part(digest(["harness", HARNESS]), code_of("stlbench.study.trial", packages=False))
+    return KeyPart(digest(["harness", HARNESS]), code_of("stlbench.study.trial", packages=False))
 
 
-def task_part(task: Task, budget: str) -> Part:
+def task_part(task: Task, budget: str) -> KeyPart:
     """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents.
 
     The versions of the software of an environment belong to it, and the source of those of its modules that are
@@ -243,16 +243,16 @@ def _modules(task: Task) -> tuple[str, ...]:
     return (*task.source.modules, *([named] if named else []))
 
 
-def method_part(choice: Choice) -> Part:
+def method_part(choice: Choice) -> KeyPart:
     return _part("methods", choice.name, [str(choice)])
 
 
-def agent_part(task: Task, choice: Choice) -> Part:
+def agent_part(task: Task, choice: Choice) -> KeyPart:
     """An agent with the parameters that the user set, and the task's recipe for it."""
     return _part("agents", choice.name, [str(choice), dict(task.recipe(choice.name))])
 
 
-def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> Part:
+def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> KeyPart:
     """A plugin, and further code that it works on.
 
     A plugin of this distribution counts by its revision, so its code can move. Of any other, the files count, and the
@@ -261,4 +261,4 @@ def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> 
     plugin = plugins.find(kind, name)
     code = code_of(plugin.entry_point.module) | further
     source = [plugin.revision] if plugin.is_own else [plugin.version, code.digest]
-    return Part(digest([*values, plugin.distribution, *source]), code)
+    return KeyPart(digest([*values, plugin.distribution, *source]), code)

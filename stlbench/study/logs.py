@@ -53,7 +53,7 @@ def logged(result: Result) -> LoggedCell:
 
 
 @runtime_checkable
-class Progress(Protocol):
+class Listener(Protocol):
     """Hears how a study goes on."""
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
@@ -93,14 +93,14 @@ class _Calling(Silent):
 
 
 @contextmanager
-def listening(wanted: Progress | Callback | bool | None) -> Iterator[Progress]:
+def listening(wanted: Listener | Callback | bool | None) -> Iterator[Listener]:
     """Who hears of a study: a line for each cell, a caller's object or function, or nobody."""
     if wanted is True:
-        from stlbench.study.progress import Progress as Lines
+        from stlbench.study.progress import Progress
 
-        with Lines() as lines:
+        with Progress() as lines:
             yield lines
-    elif isinstance(wanted, Progress):
+    elif isinstance(wanted, Listener):
         yield wanted
     else:
         yield _Calling(wanted) if wanted else Silent()
@@ -144,7 +144,7 @@ class _Thread:
 class Logged:
     """The progress of a run that logs are told of too; as a context manager it ends them."""
 
-    def __init__(self, logs: dict[str, RunLog], folder: Path, progress: Progress) -> None:
+    def __init__(self, logs: dict[str, RunLog], folder: Path, progress: Listener) -> None:
         """Raises `UsageError` if there is a link in the folder, through which a log might write."""
         for place, *below in os.walk(folder) if logs else ():
             for name in chain(*below):

@@ -23,8 +23,8 @@ from stlbench.simulation.environment import BatchEnvironment, model_of
 from stlbench.study import initial
 from stlbench.study.cell import (
     Cell,
+    KeyPart,
     KeyParts,
-    Part,
     Recipe,
     Recipes,
     agent_part,
@@ -89,10 +89,10 @@ class _Planned:
     seeds: Sequence[int]
     budget: str
     track: Track
-    harness: Part
+    harness: KeyPart
     init: Path | None
 
-    def cell(self, method: Choice, agent: Choice, seed: int, part: Part, recipes: Recipes | None) -> Cell:
+    def cell(self, method: Choice, agent: Choice, seed: int, part: KeyPart, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
         within = self._key_parts(part, agent, recipe)
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
@@ -100,7 +100,7 @@ class _Planned:
         deadline = self.task.budget(self.budget).deadline
         return Cell(cell, within.key(self.track, seed), deadline, recipe, place, self.init, within.parts, within.code)
 
-    def _key_parts(self, part: Part, agent: Choice, recipe: Recipe | None) -> KeyParts:
+    def _key_parts(self, part: KeyPart, agent: Choice, recipe: Recipe | None) -> KeyParts:
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if setting not in self._known:
             task = on_track(self.task, agent, self.track, recipe)
@@ -109,7 +109,7 @@ class _Planned:
         return KeyParts(self.harness, own, part, trained)
 
     @cached_property
-    def _known(self) -> dict[Any, tuple[Part, Part]]:
+    def _known(self) -> dict[Any, tuple[KeyPart, KeyPart]]:
         """The parts of task and agent so far. No seed changes them, and a method only by its recipe."""
         return {}
 

@@ -18,9 +18,9 @@ from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.simulation.faults import Question, Unanswered, answered_here
-from stlbench.simulation.references import about, known
 from stlbench.study.scheduler import build_executor
 from stlbench.task import Task, load_task
+from stlbench.tracks.references import about, known
 
 _T = TypeVar("_T")
 EXECUTOR = "local"

@@ -73,7 +73,7 @@ class Tally:
 
 
 class Progress:
-    """Prints how a run goes on (`study.logs.Progress`), on stderr.
+    """Prints how a run goes on (`study.logs.Listener`), on stderr.
 
     A terminal has a bar, and a line for each cell that failed. Elsewhere, and to be verbose, there is a line for each
     cell that ends; elsewhere one a minute counts them.

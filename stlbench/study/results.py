@@ -152,8 +152,8 @@ class Results:
     def _report(self) -> Report:
         """Controllers of the tasks act first, which takes some seconds for tasks on a MuJoCo model."""
         from stlbench.report import Report, condense
-        from stlbench.simulation.references import references
         from stlbench.study.plugin_guard import ask
+        from stlbench.tracks.references import references
 
         groups = condense(self.results, self.missing)
         return Report(groups, references((group.setting for group in groups), ask))

@@ -23,7 +23,7 @@ from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import outdated, outdated_note, run_checked
 from stlbench.study.credibility import ConsistencyCheck
-from stlbench.study.logs import Callback, Logged, Progress, Silent, build_logs, listening
+from stlbench.study.logs import Callback, Listener, Logged, Silent, build_logs, listening
 from stlbench.study.plan import check_cells, examples, preload, uncompiled
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
@@ -37,7 +37,7 @@ Until = Callable[[Result], bool]
 def run_study(
     study: Study | str | Path | None = None,
     *,
-    progress: Progress | Callback | bool | None = None,
+    progress: Listener | Callback | bool | None = None,
     until: Until | None = None,
     **options: Any,
 ) -> Results:
@@ -49,7 +49,7 @@ def run_study(
     Args:
         study: a YAML file whose keys are the fields of `Study`, or the study itself.
         progress: True prints a line on stderr as each cell ends, and shows a bar in a terminal. A function is called
-            with how many cells have a result, of how many, and the last result. An object of `Progress` is told all.
+            with how many cells have a result, of how many, and the last result. A `Listener` is told all.
         until: the study ends, and what runs is stopped, with the first result of which it is true. Results from before
             count too.
         options: fields of `Study`, as Python values or as texts of the command line: `tasks=["overlap"], seeds=3`. They
@@ -69,7 +69,7 @@ def run_study(
         return Results.of(ledger.results_of(cell.id for cell in cells), described.folder)
 
 
-def run_missing(study: Study, progress: Progress | None = None, until: Until | None = None) -> tuple[Cell, ...]:
+def run_missing(study: Study, progress: Listener | None = None, until: Until | None = None) -> tuple[Cell, ...]:
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
@@ -103,7 +103,7 @@ def run_cells(
     retry: Collection[Status] = (),
     attempts: int | None = None,
     keep_old: bool | None = None,
-    progress: Progress | None = None,
+    progress: Listener | None = None,
     until: Until | None = None,
     run_cell: Callable[..., Result] | None = None,
 ) -> None:

@@ -33,8 +33,8 @@ HOLD = "hold"
 _AT_ONCE = 2
 """Trials of one entrant that are chosen before the results of either are known, so that two cores have work."""
 _AT_RANDOM = 6  # trials before the search begins to choose by what came of them
-Value = float | int | str | bool
-Values = Mapping[str, Value]
+Option = float | int | str | bool
+Values = Mapping[str, Option]
 
 
 class Trial(NamedTuple):
@@ -58,7 +58,7 @@ class Entrant:
     task: Choice
     agent: Choice
     method: Choice
-    space: Mapping[str, tuple[Value, ...]]
+    space: Mapping[str, tuple[Option, ...]]
     shared: Values  # the values of the recipe that all methods share: the first trial
     trials: list[Trial] = field(default_factory=list)
 
@@ -85,7 +85,7 @@ class Entrant:
         agent = Choice(self.agent.name, (*self.agent.parameters, *changed.items()))
         return plan_cells([task], [self.method], [agent], study.seeds, study.budget)
 
-    def _changed(self, values: Values) -> dict[str, Value]:
+    def _changed(self, values: Values) -> dict[str, Option]:
         return {name: value for name, value in values.items() if value != self.shared[name]}
 
 
@@ -121,17 +121,17 @@ def _of_agent(task: Task, agent: Choice, methods: Sequence[Choice]) -> Iterator[
         yield Entrant(task.choice, agent, method, space, shared)
 
 
-def _shared(task: Task, agent: Choice, name: str) -> Value:
+def _shared(task: Task, agent: Choice, name: str) -> Option:
     if name == HOLD:
         return task.file.hold
     known = plugins.parameters(plugins.find("agents", agent.name))
     if name not in known:
         raise UsageError(f"agent {agent.name}: its search_space has '{name}', which is no parameter of it")
-    value: Value = task.recipe(agent.name).get(name, known[name][1])
+    value: Option = task.recipe(agent.name).get(name, known[name][1])
     return value
 
 
-def _candidates(task: Task, name: str, values: tuple[Value, ...], own: Value) -> tuple[Value, ...]:
+def _candidates(task: Task, name: str, values: tuple[Option, ...], own: Option) -> tuple[Option, ...]:
     fitting = [value for value in values if name != HOLD or _holds(task, int(value))]
     return tuple(fitting) if own in fitting else tuple(sorted([*fitting, own], key=float))
 

@@ -12,9 +12,12 @@ from typing import cast
 import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.contract.method import Aim
 from stlbench.errors import UsageError, cause
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
+from stlbench.stl import Formula
+from stlbench.task.forms import recurring
 from stlbench.task.task import Task
 
 
@@ -54,6 +57,24 @@ def fitting_methods(
             message = f"method {choice} cannot be built for {name}: {cause(error)}"
             warnings.warn(message, plugins.PluginWarning, stacklevel=2)
     return methods
+
+
+def aim_of(formula: Formula) -> Aim:
+    return "other" if next(recurring(formula), None) is None else "recurring"
+
+
+def in_turn(fitting: Mapping[str, RewardMethod], aim: Aim) -> tuple[str, ...]:
+    """The names of methods that fit a formula, in the order in which to try them.
+
+    First those with a place for the aim (`RewardMethod.preference`); then those inside their source's form, by inputs.
+    """
+
+    def order(name: str) -> tuple[float, bool, int, str]:
+        method = fitting[name]
+        place = plugins.place(type(method), aim)
+        return math.inf if place is None else place, method.extension != "", method.input_size, name
+
+    return tuple(sorted(fitting, key=order))
 
 
 INIT = "init"

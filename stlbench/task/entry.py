@@ -102,7 +102,7 @@ def _written(ends: tuple[float, float]) -> tuple[float, float] | float:
     return ends if ends[0] < ends[1] else ends[0]
 
 
-Ends = Annotated[
+Extent = Annotated[
     tuple[Finite, Finite],
     BeforeValidator(read_both),
     AfterValidator(_ordered),
@@ -113,7 +113,7 @@ Ends = Annotated[
 class Region(Entry):
     """A set of initial states: a box over the state's names, numbers where a state is fixed, a condition."""
 
-    box: dict[str, Ends]
+    box: dict[str, Extent]
     where: PointFormula | None = None
     """Over the state's names; initial states fulfil it."""
 

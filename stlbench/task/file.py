@@ -258,6 +258,11 @@ class TaskFile(Entry):
     budgets: Annotated[dict[Name, Budget], Field(min_length=1)]
 
     @property
+    def decisions(self) -> int:
+        """The number of actions in an episode."""
+        return self.steps // self.hold
+
+    @property
     def followed(self) -> stl.Formula:
         """The formula whose windows training follows."""
         return self.formula if self.schedule is None else self.schedule

@@ -12,21 +12,6 @@ from itertools import combinations
 from typing import NamedTuple
 
 from stlbench import stl
-from stlbench.stl import (
-    Always,
-    And,
-    Eventually,
-    Expression,
-    Formula,
-    Historically,
-    Number,
-    Once,
-    Or,
-    Predicate,
-    Release,
-    Since,
-    Until,
-)
 from stlbench.stl.language.structure import is_temporal, negations_inside, operands_of, walk
 
 
@@ -34,7 +19,7 @@ from stlbench.stl.language.structure import is_temporal, negations_inside, opera
 class Window:
     """A part of a formula without temporal operators, with the first and the last sample at which it can count."""
 
-    psi: Formula
+    psi: stl.Formula
     begin: int
     end: int
     invariant: bool
@@ -43,24 +28,31 @@ class Window:
     """Whether it has to hold at all its samples, as in G[a,b] psi."""
 
 
-def windows(formula: Formula) -> tuple[Window, ...]:
+def recurring(formula: stl.Formula) -> Iterator[stl.Eventually]:
+    """What a formula asks for again and again: F inside G."""
+    for always in walk(formula):
+        if isinstance(always, stl.Always):
+            yield from (node for node in walk(always.arg) if isinstance(node, stl.Eventually))
+
+
+def windows(formula: stl.Formula) -> tuple[Window, ...]:
     """The windows of a formula with intervals in steps, in order of appearance. Negations are pushed into them."""
     return tuple(_inside(negations_inside(formula), 0, 0, True, True))
 
 
-def with_parts(formula: Formula, part: Callable[[Window], Formula]) -> Formula:
+def with_parts(formula: stl.Formula, part: Callable[[Window], stl.Formula]) -> stl.Formula:
     """The formula with another part in place of the `psi` of each window."""
     parts = map(part, windows(formula))
     return _rebuilt(negations_inside(formula), parts)
 
 
-def _rebuilt(formula: Formula, parts: Iterator[Formula]) -> Formula:
+def _rebuilt(formula: stl.Formula, parts: Iterator[stl.Formula]) -> stl.Formula:
     if not stl.is_temporal(formula):
         return next(parts)
     return formula.with_operands([_rebuilt(operand, parts) for operand in operands_of(formula)])
 
 
-def _inside(formula: Formula, begin: int, end: int, at_once: bool, always: bool) -> Iterator[Window]:
+def _inside(formula: stl.Formula, begin: int, end: int, at_once: bool, always: bool) -> Iterator[Window]:
     """The windows of a formula that counts at samples begin..end.
 
     Args:
@@ -71,21 +63,21 @@ def _inside(formula: Formula, begin: int, end: int, at_once: bool, always: bool)
         yield Window(formula, begin, end, at_once and begin == 0 and end > 0, always)
         return
     match formula:
-        case Always(a, b, arg):
+        case stl.Always(a, b, arg):
             yield from _inside(arg, begin + a, end + b, at_once, always)
-        case Eventually(a, b, arg):  # of one sample it is G[a,a]
+        case stl.Eventually(a, b, arg):  # of one sample it is G[a,a]
             yield from _inside(arg, begin + a, end + b, at_once and a == b, always and a == b)
-        case Until(a, b, left, right):
+        case stl.Until(a, b, left, right):
             yield from _inside(left, begin, end + max(b - 1, 0), at_once and b > 0, False)
             yield from _inside(right, begin + a, end + b, at_once and a == b, always and a == b)
-        case Release(a, b, left, right):
+        case stl.Release(a, b, left, right):
             yield from _inside(left, begin, end + max(b - 1, 0), False, False)
             yield from _inside(right, begin + a, end + b, at_once, False)
-        case Historically(a, b, arg):
+        case stl.Historically(a, b, arg):
             yield from _inside(arg, max(0, begin - b), max(0, end - a), at_once and b == 0, always)
-        case Once(a, b, arg):
+        case stl.Once(a, b, arg):
             yield from _inside(arg, max(0, begin - b), max(0, end - a), at_once and b == 0, False)
-        case Since(a, b, left, right):
+        case stl.Since(a, b, left, right):
             yield from _inside(left, max(0, begin - b), end, False, False)
             yield from _inside(right, max(0, begin - b), max(0, end - a), False, False)
         case _:
@@ -143,14 +135,14 @@ def violated(psi: stl.Formula, box: Box) -> bool:
     return above == 0 < below
 
 
-def reach(expression: Expression, box: Box) -> float:
+def reach(expression: stl.Expression, box: Box) -> float:
     """The largest magnitude of an expression over the box; 1 where it has no finite bound, or is 0 everywhere."""
     return max(_sides(as_margin(expression), tuple(box.items()))) or 1.0
 
 
-def as_margin(expression: Expression) -> Predicate:
+def as_margin(expression: stl.Expression) -> stl.Predicate:
     """A predicate whose margin is the expression."""
-    return Predicate(">=", expression, Number(0.0))
+    return stl.Predicate(">=", expression, stl.Number(0.0))
 
 
 @lru_cache(maxsize=1024)
@@ -164,7 +156,7 @@ def _sides(psi: stl.Formula, box: tuple[tuple[str, tuple[float, float]], ...]) -
     return high, low
 
 
-def normal_form(formula: Formula) -> Formula:
+def normal_form(formula: stl.Formula) -> stl.Formula:
     """The formula in a form that more methods take.
 
     - Inside of F or G, a part without temporal operators beside others becomes G[0,0] of it. This is the same formula.
@@ -173,40 +165,42 @@ def normal_form(formula: Formula) -> Formula:
     - Inside of F or G, G[c,d] p | G[c,d] q becomes G[c,d] (p | q). Every trace that satisfies the first satisfies the
       second, but not the other way round.
     """
-    if isinstance(formula, And):
+    if isinstance(formula, stl.And):
         args = tuple(map(normal_form, formula.args))
         joined = _joined(args)
         return replace(formula, args=args) if joined is None else joined
-    if isinstance(formula, Always | Eventually):
+    if isinstance(formula, stl.Always | stl.Eventually):
         return replace(formula, arg=_inner(formula.arg))
     return formula
 
 
-def _joined(args: Sequence[Formula]) -> Formula | None:
+def _joined(args: Sequence[stl.Formula]) -> stl.Formula | None:
     """Two invariants as one, where one of them is temporal inside and ends first; None where they are not such."""
-    if len(args) != 2 or not all(isinstance(arg, Always) and arg.a == 0 for arg in args):
+    if len(args) != 2 or not all(isinstance(arg, stl.Always) and arg.a == 0 for arg in args):
         return None
     first, second = args
-    assert isinstance(first, Always)
-    assert isinstance(second, Always)
+    assert isinstance(first, stl.Always)
+    assert isinstance(second, stl.Always)
     plain, nested = (second, first) if is_temporal(first.arg) else (first, second)
     if is_temporal(plain.arg) or not is_temporal(nested.arg) or plain.b <= nested.b:
         return None
-    return replace(nested, arg=And((nested.arg, Always(0, plain.b - nested.b, plain.arg))))
+    return replace(nested, arg=stl.And((nested.arg, stl.Always(0, plain.b - nested.b, plain.arg))))
 
 
-def _inner(formula: Formula) -> Formula:
+def _inner(formula: stl.Formula) -> stl.Formula:
     """The operand of F or G."""
     match formula:
-        case Or(args) if all(isinstance(arg, Always) for arg in args):
-            windows = [arg for arg in args if isinstance(arg, Always)]
+        case stl.Or(args) if all(isinstance(arg, stl.Always) for arg in args):
+            windows = [arg for arg in args if isinstance(arg, stl.Always)]
             alike = len({(arg.a, arg.b) for arg in windows}) == 1 and not any(is_temporal(arg.arg) for arg in windows)
-            return Always(windows[0].a, windows[0].b, Or(tuple(arg.arg for arg in windows))) if alike else formula
-        case And(args) if is_temporal(formula):
+            return (
+                stl.Always(windows[0].a, windows[0].b, stl.Or(tuple(arg.arg for arg in windows))) if alike else formula
+            )
+        case stl.And(args) if is_temporal(formula):
             plain = [arg for arg in args if not is_temporal(arg)]
             rest = [normal_form(arg) for arg in args if is_temporal(arg)]
-            held = [Always(0, 0, plain[0] if len(plain) == 1 else And(tuple(plain)))] if plain else []
-            return And((*rest, *held))
+            held = [stl.Always(0, 0, plain[0] if len(plain) == 1 else stl.And(tuple(plain)))] if plain else []
+            return stl.And((*rest, *held))
         case _:
             return normal_form(formula) if stl.is_temporal(formula) else formula
 
@@ -224,7 +218,7 @@ TRAITS = (
 )
 
 
-def traits(formula: Formula) -> frozenset[str]:
+def traits(formula: stl.Formula) -> frozenset[str]:
     """Those of TRAITS that a formula with intervals in steps has.
 
     They are about its form, and say nothing of places, sizes or speeds. Negations are pushed into it first, so p -> F q
@@ -233,12 +227,12 @@ def traits(formula: Formula) -> frozenset[str]:
     nodes = list(walk(negations_inside(formula)))
     goals = [window for window in windows(formula) if not window.invariant]
     has = (
-        _is_in(nodes, Always, Eventually),
-        any(isinstance(node, Eventually) and _is_temporal_and(node.arg) for node in nodes),
-        any(isinstance(node, Or) and stl.is_temporal(node) for node in nodes),
-        any(isinstance(node, Until | Release) for node in nodes),
-        _is_in(nodes, Eventually, Always),
-        any(isinstance(node, Always) and node.a > 0 for node in nodes),
+        _is_in(nodes, stl.Always, stl.Eventually),
+        any(isinstance(node, stl.Eventually) and _is_temporal_and(node.arg) for node in nodes),
+        any(isinstance(node, stl.Or) and stl.is_temporal(node) for node in nodes),
+        any(isinstance(node, stl.Until | stl.Release) for node in nodes),
+        _is_in(nodes, stl.Eventually, stl.Always),
+        any(isinstance(node, stl.Always) and node.a > 0 for node in nodes),
         len(goals) > 1,
         any(_overlap(*pair) for pair in combinations(goals, 2)),
         len(goals) < len(windows(formula)),
@@ -246,14 +240,16 @@ def traits(formula: Formula) -> frozenset[str]:
     return frozenset(trait for trait, is_so in zip(TRAITS, has, strict=True) if is_so)
 
 
-def _is_in(nodes: Iterable[object], outer: type[Always | Eventually], inner: type[Always | Eventually]) -> bool:
+def _is_in(
+    nodes: Iterable[object], outer: type[stl.Always | stl.Eventually], inner: type[stl.Always | stl.Eventually]
+) -> bool:
     """Whether an operator of the inner kind stands anywhere within one of the outer kind."""
     return any(isinstance(node, inner) for out in nodes if isinstance(out, outer) for node in walk(out.arg))
 
 
-def _is_temporal_and(formula: Formula) -> bool:
+def _is_temporal_and(formula: stl.Formula) -> bool:
     """Whether it is a conjunction of something that has to hold now, and something later."""
-    return isinstance(formula, stl.And) and any(isinstance(part, Eventually) for part in operands_of(formula))
+    return isinstance(formula, stl.And) and any(isinstance(part, stl.Eventually) for part in operands_of(formula))
 
 
 def _overlap(one: Window, other: Window) -> bool:

@@ -200,16 +200,13 @@ def _halton(first: int, count: int, dimensions: int) -> Array:
     Numerische Mathematik 2, 1960). Written out, as SciPy's takes a second of every process to import.
     """
     points = np.zeros((count, dimensions))
-    for i, prime in enumerate(islice(_primes(), dimensions)):
+    primes = (n for n in naturals(2) if all(n % divisor for divisor in range(2, isqrt(n) + 1)))
+    for i, prime in enumerate(islice(primes, dimensions)):
         number, weight = np.arange(first, first + count), 1.0 / prime
         while number.any():
             points[:, i] += number % prime * weight
             number, weight = number // prime, weight / prime
     return points
-
-
-def _primes() -> Iterator[int]:
-    return (n for n in naturals(2) if all(n % divisor for divisor in range(2, isqrt(n) + 1)))
 
 
 def _hopeless(region: Region) -> UsageError:

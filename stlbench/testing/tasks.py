@@ -14,7 +14,6 @@ from stlbench.errors import UsageError, one_line
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.simulation import baselines, referee
-from stlbench.simulation.auto import for_every_method
 from stlbench.simulation.baselines import Unpaid
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.rehearsal import rehearse
@@ -25,6 +24,7 @@ from stlbench.task.gym_spaces import outside_space
 from stlbench.task.starts import StateStarts
 from stlbench.task.task import Task, load_task
 from stlbench.testing.rules import Rules
+from stlbench.tracks.auto import for_every_method
 
 
 def traces_of_system(task: Task, rules: Rules) -> Array:
@@ -67,7 +67,7 @@ def check_controller(task: Task, rules: Rules) -> None:
         rules.keep(action is not None, "a controller always has an action", action)
         return np.asarray(action, dtype=np.float64)
 
-    for t in range(0, task.file.steps, hold * max(1, task.file.steps // hold // 8)):
+    for t in range(0, task.file.steps, hold * max(1, task.file.decisions // 8)):
         rules.function("controller", actions, (state, np.full(len(state), t)), (len(state), len(task.actions.names)))
 
 
@@ -117,7 +117,7 @@ def _warn_of_ends(task: Task, rules: Rules, traces: Array, lasted: Integers) -> 
 
 def _actions(task: Task, generator: np.random.Generator) -> Array:
     """Random ones of a whole episode: (decisions, N, axes)."""
-    actions, shape = task.actions, (task.file.steps // task.file.hold, _COPIES)
+    actions, shape = task.actions, (task.file.decisions, _COPIES)
     if isinstance(actions, ActionGrid):
         return actions.vectors[generator.integers(actions.size, size=shape)]
     return generator.uniform(actions.low, actions.high, (*shape, len(actions.names)))

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.contract import Agent
-from stlbench_agents import training
+from stlbench.contract import Agent, compiled
+from stlbench_agents import q_learner, td3_learner
 from stlbench_agents.dqn import DQN, DQNPerRobot
 from stlbench_agents.td3 import TD3
 
@@ -18,8 +18,9 @@ from stlbench_agents.td3 import TD3
 @pytest.fixture
 def empty(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A machine that has compiled nothing: only the notes of it are elsewhere, so that the test compiles nothing."""
+    assert {q_learner, td3_learner} <= {*sys.modules.values()}  # before, with the folder that has their code
     (tmp_path / "new").mkdir()
-    monkeypatch.setattr(training, "folder", lambda package: tmp_path / "new")
+    monkeypatch.setattr(compiled, "folder", lambda package: tmp_path / "new")
     return tmp_path / "new"
 
 
@@ -66,6 +67,6 @@ def test_no_function_is_compiled_for_two_kinds_of_arguments(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("kept", [None, Path("/proc/none")])
 def test_where_nothing_can_be_kept_it_is_compiled_each_time(monkeypatch: pytest.MonkeyPatch, kept: Path | None) -> None:
-    monkeypatch.setattr(training, "folder", lambda package: kept)
-    training.note_ready("td3")
-    assert not training.is_ready("td3")
+    monkeypatch.setattr(compiled, "folder", lambda package: kept)
+    compiled.note_ready("stlbench_agents", "td3")
+    assert not compiled.is_ready("stlbench_agents", "td3")

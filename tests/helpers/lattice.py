@@ -15,7 +15,7 @@ import numpy as np
 from helpers.stepwise import Stepwise, one_step
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, RewardMethod, Specification, StatePolicy, System
-from stlbench_agents.planning.grid import ActionSet, Axis, Grid
+from stlbench_planning.grid import ActionSet, Axis, Grid
 
 REACH = 9
 """The grid is from -9 to 9: no plan of these tests gets there from near 0."""
@@ -103,7 +103,7 @@ class Plans(NamedTuple):
 
 def every_plan(model: Model, start: Iterable[float]) -> Plans:
     """All sequences of actions, and where they lead."""
-    decisions = model.steps // model.hold
+    decisions = model.decisions
     chosen = np.array(list(product(range(len(_vectors(model))), repeat=decisions))).T
     vectors = _vectors(model)[chosen]
     steps = np.repeat(vectors, model.hold, axis=0)
@@ -156,7 +156,7 @@ def followed(model: Model, policy: StatePolicy, starts: Array) -> Plans:
     act, method = policy.episode(), model.method
     state, memory = starts, method.initial_memory(starts, np.zeros(len(starts), dtype=np.int64))
     samples, chosen = [state], []
-    for d in range(model.steps // model.hold):
+    for d in range(model.decisions):
         t = np.full(len(starts), d * model.hold)
         action = np.asarray(act(state, t, memory))
         vectors = _vectors(model)[action] if action.dtype.kind == "i" else action

@@ -10,8 +10,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.report import Report, condense
 from stlbench.report.page import write_page
-from stlbench.simulation.references import References
 from stlbench.study.plugin_guard import ask, load_guarded
+from stlbench.tracks.references import References
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from stlbench import report
 from stlbench.report import Group, Report, Table, Width
-from stlbench.simulation.references import References
 from stlbench.study.plugin_guard import load_guarded
+from stlbench.tracks.references import References
 
 
 def summary(

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from stlbench.records.identity import CellId, Track
 from stlbench.records.result import MAIN, CurvePoint, Measurement, Planned, Result, Score, Status
 from stlbench.registry.choices import Choice
-from stlbench.simulation.references import Likeness, References
+from stlbench.tracks.references import Likeness, References
 
 
 def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:

@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Model, RewardMethod, Specification
-from stlbench_agents.planning import sums
-from stlbench_agents.planning.sums import Limits
 from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
 from stlbench_methods.raw import Raw
 from stlbench_methods.sparse import Sparse
 from stlbench_methods.tltl import Tltl
+from stlbench_planning import sums
+from stlbench_planning.sums import Limits
 
 STEPS = 6
 Make = Callable[[Specification], RewardMethod]

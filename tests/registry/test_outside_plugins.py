@@ -14,11 +14,11 @@ import pytest
 from stlbench.contract import ActionBox, ActionGrid, Array, Integers, RewardMethod
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.simulation.auto import aim_of, in_turn
 from stlbench.solver.contestants import contestants
 from stlbench.study.cell import on_track
 from stlbench.study.plan import plan_cells
 from stlbench.task import build_method, load_task
+from stlbench.task.build import aim_of, in_turn
 from stlbench.task.task import agent_for, agents_for
 
 HARNESS = Path(plugins.__file__).parents[1]

@@ -15,10 +15,10 @@ from stlbench.schedules.plan import UnscheduledError, conjunction, plans
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, pursued, schedules
 from stlbench.schedules.times import Programme
-from stlbench.simulation.auto import alternatives, initial_samples, units
 from stlbench.stl import Formula, Predicate, Term
 from stlbench.stl.language.structure import walk
 from stlbench.task.task import Task, load_task
+from stlbench.tracks.auto import alternatives, initial_samples, units
 
 TEMPLATES = ("chain", "free-order", "overlap", "patrol", "patrol-stay", "response", "until")
 

@@ -68,10 +68,12 @@ def test_windows_leave_time(formula: str, visits: list[dict[str, tuple[int, int]
     assert _margin(found.terms, traces) >= margin
 
 
-def test_witnesses_of_different_ways_have_none_in_common() -> None:
-    either = [_trace(a=(5, 5)), _trace(b=(5, 5))]
-    assert around(_parsed("F[0,20] A | F[0,20] B"), REGIONS, 1, LAST, np.array(either)) is None
-    assert around(_parsed("F[0,20] A | F[0,20] B"), REGIONS, 1, LAST, np.array(either[:1])) is not None
+def test_a_witness_that_goes_another_way_than_those_before_it_is_left_out() -> None:
+    formula, either = _parsed("F[0,20] A | F[0,20] B"), np.array([_trace(a=(5, 5)), _trace(b=(5, 5)), _trace(a=(8, 8))])
+    found = around(formula, REGIONS, 1, LAST, either)
+    assert found is not None
+    assert found == around(formula, REGIONS, 1, LAST, either[[0, 2]])
+    assert around(formula, REGIONS, 1, LAST, either[:0]) is None
 
 
 @pytest.mark.parametrize("formula", [CHAIN, PATROL, RESPONSE, "(!B) U[10,30] A", "G[0,20] (A -> F[0,9] G[0,3] B)"])

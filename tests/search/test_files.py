@@ -14,7 +14,7 @@ from stlbench.records.array_files import read_saved
 from stlbench.search import outputs
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write
-from stlbench.simulation.trace_table import read_table, times_of
+from stlbench.share.trace_table import read_table, times_of
 
 
 @pytest.fixture(scope="module")

@@ -243,7 +243,7 @@ def test_it_is_gymnasiums_own_vector_environment_only_faster(task: str, method: 
     assert ours.action_space == theirs.action_space
     assert data_equivalence(ours.reset(seed=4), theirs.reset(seed=4))
     ours.action_space.seed(0)
-    decisions = ours.task.file.steps // ours.task.file.hold
+    decisions = ours.task.file.decisions
     for step in range(decisions + 3):
         actions = ours.action_space.sample()
         mine, yours = ours.step(actions), theirs.step(actions)

@@ -12,7 +12,7 @@ import pytest
 from stlbench.contract import Array, GymTask, World
 from stlbench.registry.choices import Choice
 from stlbench.simulation.gymnasium import world
-from stlbench.simulation.gymnasium.robots import is_robot, robot_step
+from stlbench.simulation.gymnasium.world import is_robot, robot_step
 from stlbench.simulation.worlds import make_world
 from stlbench.task.file import TaskFile
 from stlbench.task.gym_make import Gym, made

@@ -17,14 +17,14 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
-from stlbench.simulation.auto import PATIENCE, automatic
 from stlbench.solver.contestants import Contestant, again, along, best_first, contestants, searcher
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
-from stlbench.solver.workspace import TASK, pose
+from stlbench.solver.workspace import TASK, workspace_of
 from stlbench.study.initial import read
 from stlbench.task import load_task
+from stlbench.tracks.auto import PATIENCE, automatic
 from stlbench_agents.cma_es import CMAES
 
 
@@ -72,7 +72,7 @@ def gone_on(monkeypatch: pytest.MonkeyPatch, satisfied: dict[int, int], lost: in
         "stlbench.solver.race.outlook",
         lambda folder, result, starts: Outlook(100, satisfied.get(result.id.seed, 50), lost),
     )
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
     trainer = Trainer(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
@@ -106,7 +106,7 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
 def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {})
     monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: pytest.fail("it looked"))
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
     played.now = 490.0
@@ -114,7 +114,7 @@ def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: py
 
 
 def raced(minutes: float, jobs: int = 1) -> list[Result]:
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(minutes)
     trainer = Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=jobs)
     winner = trainer.race()
@@ -155,7 +155,7 @@ def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.Monke
 def test_a_method_trains_on_at_once_from_half_of_the_starts_from_which_no_baseline_satisfies(
     monkeypatch: pytest.MonkeyPatch, half: float, races_on: bool
 ) -> None:
-    stated = pose(Problem("CartPole-v1", FORMULA), Path("out")).task.file.baselines
+    stated = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task.file.baselines
     assert stated is not None
     idle = max(each.satisfied for each in (stated.zero, stated.constant, stated.random))
     assert 0 < idle < 0.9
@@ -195,7 +195,7 @@ def test_the_speed_of_a_search_plans_no_rung(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
-    workspace = pose(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out"))
     assert workspace.unscheduled == (parse_choice("task[without=schedule]"), TASK)
     workspace.begin(30.0)
     Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
@@ -204,7 +204,7 @@ def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.Mo
 
 def test_a_search_begins_with_the_witness(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(30.0)
     workspace.remember(searched=True)
     Path("out/witness.json").write_text('{"actions": [[1], [0]]}')
@@ -222,7 +222,7 @@ def test_a_search_begins_with_the_witness(monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.parametrize("text", ["[]", "{", '{"actions": []}', '{"actions": [[1, 2]]}', '{"actions": [[1e999]]}'])
 def test_a_witness_that_is_none_is_refused(text: str) -> None:
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     assert workspace.course is None
     Path("out/witness.json").write_text(text)
     with pytest.raises(UsageError, match=r"witness.json is not as `stlbench solve` writes it"):
@@ -234,7 +234,7 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
     monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.3)
     raced(10.0)  # a fifth of them is 120 s, for 400 episodes
     assert "search" not in {cell[0] for cell in played.cells}
-    past = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("past"))
+    past = workspace_of(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("past"))
     assert searcher(past.task, past.unscheduled) == Contestant("tltl", "cma-es", TASK)
     assert searcher(past.task, past.unscheduled[:1]) is None
 
@@ -257,7 +257,7 @@ def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(("jobs", "seeds"), [(1, [200]), (2, [200, 201])])
 def test_trainings_that_run_side_by_side_all_end(monkeypatch: pytest.MonkeyPatch, jobs: int, seeds: list[int]) -> None:
     played = Played(monkeypatch, {})
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(3.0)
     (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
     played.now = 120.0  # the delivery begins at 144
@@ -269,7 +269,7 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
     played, planned = Played(monkeypatch, {}), dict[float, float]()
     for minutes in (3.0, 4.0):
         played.now = 0.0
-        workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+        workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
         workspace.begin(minutes)
         (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
         cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
@@ -281,24 +281,24 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
 
 
 def test_methods_that_race() -> None:
-    task = pose(Problem("CartPole-v1", FORMULA), Path("out")).task
+    task = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task
     methods = contestants(task, 10)
     assert methods[:2] == (Contestant("funnel", "dqn"), Contestant("raw", "dqn"))
     assert {each.agent for each in methods} == {"dqn"}
     assert contestants(task, 60)[-1] == Contestant("funnel", "sb3-dqn")  # with much time another agent races
     assert len(contestants(task, 60)) == 4
-    again = pose(Problem("Pendulum-v1", "G[0,50] F[0,20] x >= 0"), Path("other")).task
+    again = workspace_of(Problem("Pendulum-v1", "G[0,50] F[0,20] x >= 0"), Path("other")).task
     assert contestants(again, 10)[0] == Contestant("funnel", "td3")  # its schedule has no F inside of G
     assert len(contestants(again, 10)) <= 4
     assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
 
 
 def test_who_goes_on_trains_on_the_formula_as_it_is_if_it_did_so_before() -> None:
-    nested = pose(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out")).task
+    nested = workspace_of(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out")).task
     by = {choice: Contestant("tltl", "cma-es", parse_choice(choice)) for choice in ("task[without=schedule]", "task")}
     assert [str(again(who, nested).task) for who in by.values()] == [*by]
     assert again(Contestant("raw", "dqn", parse_choice("task[schedule=wide]")), nested).task == TASK
-    plain = pose(Problem("CartPole-v1", FORMULA), Path("plain")).task
+    plain = workspace_of(Problem("CartPole-v1", FORMULA), Path("plain")).task
     assert again(by["task[without=schedule]"], plain).task == TASK
 
 
@@ -314,7 +314,7 @@ def test_who_races_by_another_schedule() -> None:
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    workspace = pose(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("out"))
     own = {"causation": plugins.find("methods", "causation")}
     available = plugins.available
     monkeypatch.setattr(plugins, "available", lambda kind: own if kind == "methods" else available(kind))

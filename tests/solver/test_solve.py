@@ -22,14 +22,13 @@ import stlbench
 from stlbench.cli import app
 from stlbench.errors import UsageError
 from stlbench.simulation import referee
-from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, rank
 from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.outlook import outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.solution import Solution
 from stlbench.solver.start import Start
-from stlbench.solver.workspace import pose
+from stlbench.solver.workspace import workspace_of
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
 
@@ -128,7 +127,7 @@ def without_search(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def small(environment: str, formula: str | None, **signals: str) -> None:
     """Pose a problem, and choose methods and budgets of seconds, as a user may who edits the files."""
-    workspace = pose(Problem(environment, formula, signals), Path("out"))
+    workspace = workspace_of(Problem(environment, formula, signals), Path("out"))
     workspace.begin(15.0)
     for name in ("probe", "rung-1", "final"):
         workspace.budget(name, steps=640, seeds=1, deadline=300.0, checkpoints=2, random_starts=0)
@@ -137,11 +136,10 @@ def small(environment: str, formula: str | None, **signals: str) -> None:
 
 @pytest.mark.parametrize(("probability", "told"), [(0.99, 1), (0.5, 3)])
 def test_a_policy_that_satisfies_refutes_the_doubts(probability: float, told: int) -> None:
-    task = pose(Problem("Pendulum-v1", "F[0,2] x >= 1 & F[3,6] x <= -1", {}), Path("out"))
-    (doubt,) = (note for note in task.notes if "too fast" in note)
-    nearest = tries.Nearest(-1.0, 5, (), np.empty(0), np.empty(0))
-    notes = (doubt, tries.of_search(nearest), "the environment ignores seeds")
-    delivery = cast(Any, SimpleNamespace(workspace=SimpleNamespace(notes=notes)))
+    workspace = workspace_of(Problem("Pendulum-v1", "F[0,2] x >= 1 & F[3,6] x <= -1", {}), Path("out"))
+    assert any("too fast" in doubt for doubt in workspace.doubts)
+    workspace.remember(notes=["the environment ignores seeds"], doubts=["too fast", "no witness was found"])
+    delivery = cast(Any, SimpleNamespace(workspace=workspace))
     assert len(Delivery._notes(delivery, {"probability": probability})) == told
 
 
@@ -238,7 +236,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
 
 
 def test_another_solve_starts_from_the_policy_of_a_solution_or_says_why_not() -> None:
-    workspace = pose(Problem("CartPole-v1", HARD), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", HARD), Path("out"))
     workspace.budget("probe", steps=640, seeds=1, deadline=300.0, checkpoints=1, random_starts=0)
     study = {"tasks": [workspace.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}
     (result,) = run_study(**study, results="out/race", jobs=1)
@@ -277,7 +275,7 @@ def interrupt(*args: Any, **options: Any) -> Results:
 
 def test_other_minutes_have_other_budgets() -> None:
     small("CartPole-v1", FORMULA)
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(2.0)
     assert set(workspace.task.file.budgets) == {"probe"}
     assert workspace.state["methods"] is None
@@ -288,7 +286,7 @@ def test_other_minutes_have_other_budgets() -> None:
 @pytest.mark.parametrize("environment", [POINT, "hold-disc"])
 def test_a_policy_acts_as_the_referee_lets_it(environment: str, method: str, agent: str | None) -> None:
     formula = "F[0,16] G[0,8] d <= 0.5" if environment == POINT else None
-    workspace = pose(Problem(environment, formula, DISTANCE if environment == POINT else {}), Path("out"))
+    workspace = workspace_of(Problem(environment, formula, DISTANCE if environment == POINT else {}), Path("out"))
     workspace.budget(
         "probe", steps=64 * workspace.task.file.hold, seeds=1, deadline=300.0, checkpoints=1, random_starts=0
     )
@@ -329,7 +327,7 @@ def _played(policy: Any, start: Any) -> Any:
 
 
 def test_a_training_ends_at_the_first_checkpoint_after_its_seconds() -> None:
-    workspace = pose(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     budget = {"steps": 2560, "seeds": 1, "deadline": 300.0, "checkpoints": 10, "random_starts": 0}
     workspace.budget("probe", **budget, seconds=1e-9)
     study = {"tasks": [workspace.task.choice], "methods": ["raw"], "seeds": [0], "budget": "probe", "track": "auto"}

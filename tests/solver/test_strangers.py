@@ -22,7 +22,7 @@ from stlbench.registry import plugins
 from stlbench.solver.problem import Problem
 from stlbench.solver.run import solve
 from stlbench.solver.solution import Solution
-from stlbench.solver.workspace import Workspace, pose
+from stlbench.solver.workspace import Workspace, workspace_of
 
 FACTS = {"cell": "task/raw/dqn/0", "budget": "final"}
 
@@ -56,8 +56,8 @@ def test_a_certificate_that_is_none_is_refused(tmp_path: Path, text: str) -> Non
 def posed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folders of a stranger, who knew what the user would ask for."""
     folder = tmp_path_factory.mktemp("posed")
-    pose(Problem("hold-disc", None), folder / "hold-disc")
-    pose(Problem("CartPole-v1", FORMULA), folder / "CartPole-v1")
+    workspace_of(Problem("hold-disc", None), folder / "hold-disc")
+    workspace_of(Problem("CartPole-v1", FORMULA), folder / "CartPole-v1")
     return folder
 
 
@@ -66,7 +66,7 @@ def again(posed: Path, environment: str, change: Any = None) -> Workspace:
     shutil.copytree(posed / environment, "out")
     if change is not None:
         change(Path("out/task"))
-    return pose(Problem(environment, None if environment == "hold-disc" else FORMULA), Path("out"))
+    return workspace_of(Problem(environment, None if environment == "hold-disc" else FORMULA), Path("out"))
 
 
 def mark(here: Path) -> str:

@@ -22,7 +22,7 @@ def drawn(name: str) -> tuple[Task, Array, Array]:
     """A task, four of its starts, and actions at random that are not of the grid."""
     task = load_task("suite-" + name.replace("/", "-"))
     low, high = task.actions.low, task.actions.high
-    shape = (4, task.file.steps // task.file.hold, len(low))
+    shape = (4, task.file.decisions, len(low))
     actions = np.random.default_rng(0).uniform(low, high, shape) / 4 + np.add(low, high) * 3 / 8
     return task, task.starts.report_and_selection()[0][:4], actions
 
@@ -82,7 +82,7 @@ def test_actions_of_the_grid_are_followed_exactly() -> None:
 def test_no_start_gets_worse(name: str) -> None:
     task, begun, _ = drawn(name)
     assert isinstance(task.actions, ActionGrid)
-    before = np.tile(baselines.zero(task), (len(begun), task.file.steps // task.file.hold, 1))
+    before = np.tile(baselines.zero(task), (len(begun), task.file.decisions, 1))
     found = FOUND.improved(task, begun, before, 1.0)
     assert np.isin(found, task.actions.vectors).all()
     value, was = (FOUND.robustness_of(task, begun, each) for each in (found, before))

@@ -60,7 +60,7 @@ def test_crossed_begins_with_the_best_of_all_starts() -> None:
 def test_searching_makes_no_start_worse() -> None:
     task = load_task("reach-stay")
     begun = task.starts.report_and_selection()[0]
-    zero = np.tile(baselines.zero(task), (len(begun), task.file.steps // task.file.hold, 1))
+    zero = np.tile(baselines.zero(task), (len(begun), task.file.decisions, 1))
     found = HELD.search(task, begun, zero, 0.3)
     was, value = (HELD.robustness_of(task, begun, each) for each in (zero, found))
     assert (value >= was).all()

@@ -16,8 +16,8 @@ from stlbench.registry.choices import Choice
 from stlbench.report.figures.margins import bands_of
 from stlbench.report.figures.regions import UNKNOWN, scale_of_task
 from stlbench.simulation.faults import Unanswered, ask_here
-from stlbench.simulation.references import at_random, by_hand, payment, references
 from stlbench.study import plugin_guard
+from stlbench.tracks.references import at_random, by_hand, payment, references
 
 METHODS = """
 import os, signal, time

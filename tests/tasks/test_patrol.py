@@ -12,7 +12,7 @@ from scipy import stats
 from stlbench import stl
 from stlbench.contract import Array, Model, Unsuitable
 from stlbench.task import build_method, load_task
-from stlbench_agents.planning.grid import axes_of
+from stlbench_planning.grid import axes_of
 from stlbench_tasks.noisy_unicycle import NoisyUnicycle
 
 TASK = load_task("patrol")

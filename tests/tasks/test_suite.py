@@ -13,10 +13,10 @@ from helpers.studies import load
 from stlbench import stl
 from stlbench.contract import Array
 from stlbench.simulation import baselines, referee
-from stlbench.simulation.auto import automatic
 from stlbench.simulation.baselines import replay
 from stlbench.task import Task, fitting_methods, load_task
 from stlbench.task.task import agent_for
+from stlbench.tracks.auto import automatic
 from stlbench_tasks.suite import FormulaSuite, templates
 from stlbench_tasks.suite.formulas import TIERS, Candidate, distance, fits, tier
 from stlbench_tasks.suite.systems import SYSTEMS, Arm, Integrator, Pair, SuiteSystem

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from stlbench.contract import Array
 from stlbench.report.figures import layout
 from stlbench.report.figures.style import BOUNDS, INK, SINGLE, TRACE, Colours, lines_of, now, pages, styled
-from stlbench.report.tables.across import Entry, Field
+from stlbench.report.tables.across import Field
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.yardsticks import Aligned
 from stlbench.statistics.across import Estimate, profile, ranking
@@ -79,7 +79,7 @@ def _aggregates(axes: Axes, fields: Sequence[Field], colours: Colours) -> None:
             (mark,) = axes.plot([place(value)], [height], _MARKERS[i], color=colour, markersize=5)
             mark.set(markeredgecolor="white", markeredgewidth=0.6)
             ends += [value, *(interval or ())]
-    methods = [_label(entry) for entry in fields[0].entries]
+    methods = [each.method + ("" if all(each.scores) else f"\n(fits {each.coverage})") for each in fields[0].entries]
     axes.set_yticks(range(len(methods)), methods)
     axes.set_ylim(len(methods) - 0.5, -0.5)
     _scores(axes, "interquartile mean of the scores", min(ends), max(ends))
@@ -127,10 +127,6 @@ def _scores(axes: Axes, label: str, lowest: float, highest: float) -> None:
     axes.set_xlim(places[0] - 0.05, places[-1] + 0.05)
     axes.set_xlabel("\n".join([label, *SCALE]), fontsize=now().small)
     axes.grid(alpha=0.3)
-
-
-def _label(entry: Entry) -> str:
-    return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"
 
 
 _KEYS, _NARROW_KEYS = 0.6, 1.8  # inches of the title and the legend, which take more lines in one column
@@ -190,7 +186,7 @@ def _values(row: Aligned) -> Iterator[float]:
     return (value for value in values if value is not None and math.isfinite(value))
 
 
-def _marks(axes: Axes, place: int, row: Aligned, shown: layout.Window | None) -> None:
+def _marks(axes: Axes, place: int, row: Aligned, shown: layout.Zoom | None) -> None:
     ends = [value for value in (row.best_known, row.reward_optimal, row.selected) if value is not None]
     axes.plot((min(ends), max(ends)), (place, place), "-", color="0.8", linewidth=0.8, zorder=2)
     if row.best_known is not None:

@@ -79,7 +79,7 @@ _MARGIN = 0.05
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}  # behind a number, over other marks
 
 
-class Window(NamedTuple):
+class Zoom(NamedTuple):
     low: float
     high: float
 
@@ -89,7 +89,7 @@ class Window(NamedTuple):
         return self.low - margin, self.high + margin
 
 
-def window(groups: Iterable[Iterable[float]]) -> Window | None:
+def window(groups: Iterable[Iterable[float]]) -> Zoom | None:
     """The end of an axis so that values of the best groups can be told apart; None if it can show all.
 
     The distance of a value is from the best of all, or from 0 if none is positive. A group has that of its median. The
@@ -104,7 +104,7 @@ def window(groups: Iterable[Iterable[float]]) -> Window | None:
     least = max(min((top - median(group) for group in finite), default=0.0), top, share * furthest)
     if furthest <= _FAR * least:
         return None
-    return Window(min([-_ROOM * top, *(value for value in values if top - value <= _NEAR * least)]), top)
+    return Zoom(min([-_ROOM * top, *(value for value in values if top - value <= _NEAR * least)]), top)
 
 
 def number(value: float) -> str:

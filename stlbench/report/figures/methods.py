@@ -61,7 +61,7 @@ def _robustness(axes: Axes, groups: Sequence[Group], unit: str, colours: Colours
     if shown is not None:
         axes.set_xlim(shown.limits)
     elif np.isfinite(every).all():
-        axes.set_xlim(layout.Window(min(every), max(every)).limits)
+        axes.set_xlim(layout.Zoom(min(every), max(every)).limits)
     keys: list[Artist] = [
         layout.key_of("one seed", color="0.3", marker="o", linestyle="", alpha=0.6, markersize=4.5),
         layout.key_of("median seed, 95 % interval", color="0.3", marker="D", linewidth=2, markersize=5),
@@ -70,7 +70,7 @@ def _robustness(axes: Axes, groups: Sequence[Group], unit: str, colours: Colours
     return keys if shown is None else [*keys, layout.beyond_key("<", "beyond the axis")]
 
 
-def _points(axes: Axes, place: int, values: Sequence[float], shown: layout.Window | None, colour: str) -> None:
+def _points(axes: Axes, place: int, values: Sequence[float], shown: layout.Zoom | None, colour: str) -> None:
     if not values:
         where = axes.get_yaxis_transform()
         axes.text(0.5, place, "no result", transform=where, ha="center", va="center", color="0.4", backgroundcolor="w")

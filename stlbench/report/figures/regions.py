@@ -21,7 +21,7 @@ _SAMPLES, _MOST_VALUES, _MOST_OTHERS = 2_000_000, 801, 4
 """At most, in a picture: computed points, values of each signal that it leaves out, and such signals."""
 
 
-class Part(NamedTuple):
+class Condition(NamedTuple):
     """A part of a formula without temporal operators, as large as there is."""
 
     psi: Formula
@@ -33,15 +33,15 @@ class Part(NamedTuple):
         return " ".join([*self.operators, str(self.psi)])
 
 
-def parts(task: Task) -> tuple[Part, ...]:
+def parts(task: Task) -> tuple[Condition, ...]:
     """The parts of the task's own formula, in their order; of one in the fragment of eq. 2, one for each term.
 
     In temporal formulas, negations and implications are pushed inside first.
     """
-    return tuple(_parts(Part(task.formula, 0, 0, ())))
+    return tuple(_parts(Condition(task.formula, 0, 0, ())))
 
 
-def _parts(within: Part) -> Iterator[Part]:
+def _parts(within: Condition) -> Iterator[Condition]:
     formula = within.psi
     if not stl.is_temporal(formula):
         yield within
@@ -63,8 +63,8 @@ def _parts(within: Part) -> Iterator[Part]:
             return
 
 
-def _inside(within: Part, operator: str, arg: Formula, a: int, b: int) -> Part:
-    return Part(arg, within.start + a, within.end + b, (*within.operators, operator))
+def _inside(within: Condition, operator: str, arg: Formula, a: int, b: int) -> Condition:
+    return Condition(arg, within.start + a, within.end + b, (*within.operators, operator))
 
 
 def terms(task: Task) -> tuple[Term, ...]:

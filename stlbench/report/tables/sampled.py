@@ -18,7 +18,7 @@ ALL = "all"
 _T = TypeVar("_T")
 
 
-class Part(NamedTuple):
+class TaskSet(NamedTuple):
     """Tasks of one group, or all tasks."""
 
     kind: str  # of groups, such as template
@@ -27,13 +27,13 @@ class Part(NamedTuple):
     """The number of its tasks in the field."""
 
 
-def parts(field: Field) -> Iterator[Part]:
+def parts(field: Field) -> Iterator[TaskSet]:
     """All tasks first; then each group of each kind, kinds and groups in the order of their first tasks."""
     everywhere = tuple(range(len(field.tasks)))
-    yield Part(ALL, ALL, everywhere)
+    yield TaskSet(ALL, ALL, everywhere)
     for kind in field.groups[0]:
         for group in sorted({groups[kind] for groups in field.groups}):
-            yield Part(kind, group, tuple(place for place in everywhere if field.groups[place][kind] == group))
+            yield TaskSet(kind, group, tuple(place for place in everywhere if field.groups[place][kind] == group))
 
 
 def drawn(fields: Iterable[Field]) -> list[Field]:
@@ -56,7 +56,7 @@ class Line(NamedTuple):
     """A row of either table."""
 
     field: Field
-    part: Part
+    part: TaskSet
     method: str
     other: str  # empty in the table of groups
     common: Reached | None  # on the tasks of `common`; None where the method does not fit them all, or there are none
@@ -169,7 +169,7 @@ def _more(one: Entry, other: Entry, places: Sequence[int]) -> Reached:
     return Reached(len(places), across.sample_share_difference(*learned), across.sample_difference(*scores))
 
 
-def _fitting(part: Part, *entries: Entry) -> list[int]:
+def _fitting(part: TaskSet, *entries: Entry) -> list[int]:
     """The places of the part's tasks that all these methods fit."""
     return [place for place in part.places if all(entry.scores[place] for entry in entries)]
 

@@ -355,9 +355,8 @@ def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
 
 def _least(column: Column, texts: Sequence[str]) -> int:
     """The width at which a column still reads well: numbers unbroken, texts and headers broken between words."""
-    header = max(len(word) for word in column.header.split())
     longest = max((len(line) for text in texts for line in text.splitlines()), default=0)
-    return max(header, longest if column.right else min(longest, _TEXT))
+    return max(*map(len, column.header.split()), longest if column.right else min(longest, _TEXT))
 
 
 class _Fit(NamedTuple):

@@ -17,7 +17,7 @@ from stlbench.report.tables.table import Column, Table, Value
 from stlbench.statistics.intervals import mean
 
 if TYPE_CHECKING:
-    from stlbench.simulation.references import References
+    from stlbench.tracks.references import References
 
 
 @dataclass(frozen=True)

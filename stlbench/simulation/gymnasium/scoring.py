@@ -20,8 +20,7 @@ from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specif
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
-from stlbench.simulation.auto import aim_of, in_turn
-from stlbench.task.build import fitting_methods
+from stlbench.task.build import aim_of, fitting_methods, in_turn
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_spaces import Expressions, number
 

@@ -15,15 +15,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Ends: TypeAlias = NDArray[np.float64]
-Range: TypeAlias = tuple[Ends, Ends]
+Floats: TypeAlias = NDArray[np.float64]
+Range: TypeAlias = tuple[Floats, Floats]
 Mask: TypeAlias = NDArray[np.bool_]
 
 #: how far NumPy's transcendental functions may be off, in floats
 ROUNDING = 4
 
 
-def outwards(lower: Ends, upper: Ends, steps: int = 1) -> Range:
+def outwards(lower: Floats, upper: Floats, steps: int = 1) -> Range:
     """Both ends moved away from each other by `steps` floats."""
     for _ in range(steps):
         lower, upper = np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)
@@ -51,7 +51,7 @@ def quotient(left: Range, right: Range) -> Range:
     return outwards(*_hull([x / y for x in left for y in right]))
 
 
-def _hull(corners: Sequence[Ends]) -> Range:
+def _hull(corners: Sequence[Floats]) -> Range:
     return reduce(np.minimum, corners), reduce(np.maximum, corners)
 
 
@@ -65,13 +65,13 @@ def power(base: Range, exponent: float) -> Range:
     return _power(small, exponent, np.float64(-1)), _power(large, exponent, np.float64(1))
 
 
-def _odd_power(end: Ends, exponent: float, way: float) -> Ends:
+def _odd_power(end: Floats, exponent: float, way: float) -> Floats:
     """end ** exponent for an odd exponent, rounded up for way 1 and down for way -1."""
-    sign: Ends = np.sign(end)
+    sign: Floats = np.sign(end)
     return sign * _power(np.abs(end), exponent, sign * way)
 
 
-def _power(base: Ends, exponent: float, way: Ends | np.float64) -> Ends:
+def _power(base: Floats, exponent: float, way: Floats | np.float64) -> Floats:
     """base ** exponent for base >= 0, rounded up where `way` > 0 and down (not below 0) elsewhere.
 
     By squaring, with each product rounded: as many steps as the exponent has binary digits, a thousand at most.

@@ -13,50 +13,22 @@ from collections.abc import Iterator
 
 from stlbench.stl.arithmetic.functions import FUNCTIONS
 from stlbench.stl.errors import FormulaLimitError, StlSyntaxError
-from stlbench.stl.language.expressions import (
-    BINARY_LEVELS,
-    COMPARISONS,
-    MAX_DEPTH,
-    RESERVED,
-    Binary,
-    Call,
-    Expression,
-    Level,
-    Negative,
-    Number,
-    Signal,
-)
-from stlbench.stl.language.syntax import (
-    BETWEEN,
-    END,
-    WINDOWS,
-    And,
-    AnyNode,
-    Formula,
-    Implies,
-    Not,
-    Or,
-    Predicate,
-    TrueFormula,
-    iff,
-    weak_until,
-    xor,
-)
+from stlbench.stl.language import expressions, syntax
 from stlbench.stl.language.tokens import Token, TokenStream, tokenize
 
 _WEAK = ("W", "weak_until")
 _LEVELS = {
-    "<->": Level.IFF,
-    "->": Level.IMPLIES,
-    "xor": Level.XOR,
-    "|": Level.OR,
-    "&": Level.AND,
-    **BINARY_LEVELS,
-    **dict.fromkeys((*COMPARISONS, "==", "!=", "="), Level.COMPARE),
+    "<->": expressions.Level.IFF,
+    "->": expressions.Level.IMPLIES,
+    "xor": expressions.Level.XOR,
+    "|": expressions.Level.OR,
+    "&": expressions.Level.AND,
+    **expressions.BINARY_LEVELS,
+    **dict.fromkeys((*expressions.COMPARISONS, "==", "!=", "="), expressions.Level.COMPARE),
 }
 
 
-def parse(text: str, dt: float | None = None) -> Formula:
+def parse(text: str, dt: float | None = None) -> syntax.Formula:
     """Parse `text` into a formula.
 
     Args:
@@ -80,14 +52,14 @@ def parse(text: str, dt: float | None = None) -> Formula:
     return parser.as_formula(parser.whole())
 
 
-def parse_expression(text: str) -> Expression:
+def parse_expression(text: str) -> expressions.Expression:
     """Parse arithmetic over signals alone, e.g. `"atan2(y, x)"`, in the grammar that formulas have.
 
     Returns and raises as `parse` does.
     """
     parser = _Parser(text, None)
     node = parser.whole()
-    if not isinstance(node, Expression):
+    if not isinstance(node, expressions.Expression):
         parser.fail("an arithmetic expression", "a formula", node.position)
     return node
 
@@ -97,9 +69,9 @@ class _Parser(TokenStream):
         super().__init__(text, dt)
         self.depth = 0
 
-    def whole(self) -> AnyNode:
+    def whole(self) -> syntax.AnyNode:
         try:
-            node = self.parse(Level.IFF)
+            node = self.parse(expressions.Level.IFF)
         except FormulaLimitError as limit:
             self.fail(limit.expected, limit.found)
         if self.token.kind != "end":
@@ -108,11 +80,11 @@ class _Parser(TokenStream):
 
     # --- the loop
 
-    def parse(self, minimum: int) -> AnyNode:
+    def parse(self, minimum: int) -> syntax.AnyNode:
         """Everything from here on that binds at least as tightly as `minimum`."""
         self.depth += 1
-        if self.depth > MAX_DEPTH:
-            self.fail(f"at most {MAX_DEPTH} levels of nesting", "more")
+        if self.depth > expressions.MAX_DEPTH:
+            self.fail(f"at most {expressions.MAX_DEPTH} levels of nesting", "more")
         left = self.prefix(minimum)
         while (level := self.infix_level()) >= minimum:
             left = self.infix(left, level)
@@ -121,101 +93,103 @@ class _Parser(TokenStream):
 
     def infix_level(self) -> int:
         token = self.token
-        if token.kind == "name" and (token.text in BETWEEN or token.text in _WEAK):
-            return Level.UNTIL
+        if token.kind == "name" and (token.text in syntax.BETWEEN or token.text in _WEAK):
+            return expressions.Level.UNTIL
         return _LEVELS.get(token.symbol, 0)
 
     def at_prefix_word(self, minimum: int) -> bool:
         """Whether a formula is due and the next token is an operator such as G, not a signal of that name."""
         token, second = self.token, self.second
-        if token.kind != "name" or token.text not in WINDOWS or minimum > Level.PREFIX:
+        if token.kind != "name" or token.text not in syntax.WINDOWS or minimum > expressions.Level.PREFIX:
             return False
-        return token.text in RESERVED or second.symbol in ("[", "(", "!") or second.kind in ("name", "number")
+        return (
+            token.text in expressions.RESERVED or second.symbol in ("[", "(", "!") or second.kind in ("name", "number")
+        )
 
-    def prefix(self, minimum: int) -> AnyNode:
+    def prefix(self, minimum: int) -> syntax.AnyNode:
         token = self.token
         if token.symbol == "(":
             return self.group()
         if token.symbol == "!":
             self.take()
-            return Not(self.operand(Level.PREFIX), position=token.position)
+            return syntax.Not(self.operand(expressions.Level.PREFIX), position=token.position)
         if token.symbol == "-":
             self.take()
-            return Negative(self.expression(Level.MINUS), position=token.position)
+            return expressions.Negative(self.expression(expressions.Level.MINUS), position=token.position)
         if token.symbol == "+":
             self.take()
-            return self.expression(Level.MINUS)
+            return self.expression(expressions.Level.MINUS)
         if self.at_prefix_word(minimum):
             return self.temporal()
         if token.kind == "number":
-            return Number(self.number(), position=token.position)
+            return expressions.Number(self.number(), position=token.position)
         if token.kind == "name":
             return self.name()
         self.fail("a formula or an expression")
 
-    def group(self) -> AnyNode:
+    def group(self) -> syntax.AnyNode:
         self.take()
-        node = self.parse(Level.IFF)
+        node = self.parse(expressions.Level.IFF)
         if self.at(","):
             self.fail("')' (an interval has square brackets, as in G[0,1])")
         self.expect(")")
         return node
 
-    def temporal(self) -> Formula:
+    def temporal(self) -> syntax.Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        kind = WINDOWS[token.text]
-        return kind(a, b, self.operand(Level.PREFIX), position=token.position)
+        kind = syntax.WINDOWS[token.text]
+        return kind(a, b, self.operand(expressions.Level.PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:
-        return self.interval() if self.at("[") else (0, END)
+        return self.interval() if self.at("[") else (0, syntax.END)
 
-    def name(self) -> AnyNode:
+    def name(self) -> syntax.AnyNode:
         token = self.take()
         where = token.position
         if token.text in ("True", "true"):
-            return TrueFormula(position=where, word=token.text)
+            return syntax.TrueFormula(position=where, word=token.text)
         if token.text in ("False", "false"):
-            return Not(TrueFormula(position=where, word=token.text), position=where)
+            return syntax.Not(syntax.TrueFormula(position=where, word=token.text), position=where)
         if token.text == "pi":
-            return Number(math.pi, position=where, word=token.text)
+            return expressions.Number(math.pi, position=where, word=token.text)
         if self.at("("):
             return self.call(token)
         if token.text in FUNCTIONS:
             self.fail(f"'(' after the function {token.text}")
-        if token.text in RESERVED:
+        if token.text in expressions.RESERVED:
             self.fail(f"a signal ({token.text} is a reserved word)", token.shown, where)
-        return Signal(token.text, position=where)
+        return expressions.Signal(token.text, position=where)
 
     # --- infix operators
 
-    def infix(self, left: AnyNode, level: int) -> AnyNode:
-        if level == Level.COMPARE:
+    def infix(self, left: syntax.AnyNode, level: int) -> syntax.AnyNode:
+        if level == expressions.Level.COMPARE:
             return self.comparison(self.as_expression(left))
-        if level > Level.COMPARE:
+        if level > expressions.Level.COMPARE:
             return self.arithmetic(self.as_expression(left), level)
         first, where = self.as_formula(left), self.token.position
-        if level == Level.UNTIL:
+        if level == expressions.Level.UNTIL:
             return self.until(first)
-        if level in (Level.AND, Level.OR):
+        if level in (expressions.Level.AND, expressions.Level.OR):
             return self.joined(first, level)
         self.take()
-        if level == Level.XOR:
-            return xor(first, self.operand(Level.XOR + 1), where)
-        if level == Level.IMPLIES:
-            return Implies(first, self.operand(Level.IMPLIES), position=where)
-        return iff(first, self.operand(Level.IFF), where)
+        if level == expressions.Level.XOR:
+            return syntax.xor(first, self.operand(expressions.Level.XOR + 1), where)
+        if level == expressions.Level.IMPLIES:
+            return syntax.Implies(first, self.operand(expressions.Level.IMPLIES), position=where)
+        return syntax.iff(first, self.operand(expressions.Level.IFF), where)
 
-    def until(self, left: Formula) -> Formula:
+    def until(self, left: syntax.Formula) -> syntax.Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        right = self.operand(Level.UNTIL)
-        if kind := BETWEEN.get(token.text):
+        right = self.operand(expressions.Level.UNTIL)
+        if kind := syntax.BETWEEN.get(token.text):
             return kind(a, b, left, right, position=token.position)
-        return weak_until(a, b, left, right, token.position)
+        return syntax.weak_until(a, b, left, right, token.position)
 
-    def joined(self, first: Formula, level: int) -> Formula:
-        kind, symbol = (And, "&") if level == Level.AND else (Or, "|")
+    def joined(self, first: syntax.Formula, level: int) -> syntax.Formula:
+        kind, symbol = (syntax.And, "&") if level == expressions.Level.AND else (syntax.Or, "|")
         where, args = self.token.position, [first]
         while self.at(symbol):
             self.take()
@@ -224,85 +198,85 @@ class _Parser(TokenStream):
 
     # --- arithmetic and comparisons
 
-    def call(self, name: Token) -> Call:
+    def call(self, name: Token) -> expressions.Call:
         if name.text not in FUNCTIONS:
             self.fail(f"a function ({', '.join(FUNCTIONS)})", name.shown, name.position)
-        opening, args = self.take(), [self.expression(Level.SUM)]
+        opening, args = self.take(), [self.expression(expressions.Level.SUM)]
         while self.at(","):
             self.take()
-            args.append(self.expression(Level.SUM))
+            args.append(self.expression(expressions.Level.SUM))
         self.expect(")", "',' or ')'")
         function = FUNCTIONS[name.text]
         if not function.takes(len(args)):
             self.fail(f"{function.arguments} of {name.text}", f"{len(args)}", opening.position)
-        return Call(name.text, tuple(args), position=name.position)
+        return expressions.Call(name.text, tuple(args), position=name.position)
 
-    def comparison(self, left: Expression) -> Formula:
+    def comparison(self, left: expressions.Expression) -> syntax.Formula:
         """One predicate, or for a chain such as `0 <= x <= 1` the conjunction of its links."""
-        links: list[Predicate] = []
+        links: list[syntax.Predicate] = []
         start = left.position
-        while self.infix_level() == Level.COMPARE:
+        while self.infix_level() == expressions.Level.COMPARE:
             op = self.token
-            if op.symbol not in COMPARISONS:
+            if op.symbol not in expressions.COMPARISONS:
                 self.fail("'<=', '>=', '<' or '>' (equality of reals has no robustness: abs(x - y) <= tolerance)")
             if links and links[0].op[0] != op.symbol[0]:
                 way = f"'{links[0].op[0]}' or '{links[0].op[0]}='"
                 self.fail(f"{way} (a chain of comparisons has one direction; join two by &)")
             self.take()
-            right = self.expression(Level.SUM)
-            links.append(Predicate(op.symbol, left, right, position=left.position))
+            right = self.expression(expressions.Level.SUM)
+            links.append(syntax.Predicate(op.symbol, left, right, position=left.position))
             left = right
-        return links[0] if len(links) == 1 else And(tuple(links), position=start)
+        return links[0] if len(links) == 1 else syntax.And(tuple(links), position=start)
 
-    def arithmetic(self, left: Expression, level: int) -> Expression:
+    def arithmetic(self, left: expressions.Expression, level: int) -> expressions.Expression:
         op = self.take()
         if op.symbol == "**":
             return self.power(left)
-        return Binary(op.symbol, left, self.expression(level + 1), position=left.position)
+        return expressions.Binary(op.symbol, left, self.expression(level + 1), position=left.position)
 
-    def power(self, base: Expression) -> Expression:
+    def power(self, base: expressions.Expression) -> expressions.Expression:
         token = self.token
         if token.kind != "number" or not float(token.text).is_integer():
             self.fail("a whole number as exponent")
-        exponent = Number(self.number(), position=token.position)
+        exponent = expressions.Number(self.number(), position=token.position)
         if self.at("**"):
             self.fail("parentheses around a power that is raised again")
-        return Binary("**", base, exponent, position=base.position)
+        return expressions.Binary("**", base, exponent, position=base.position)
 
-    def expression(self, minimum: int) -> Expression:
+    def expression(self, minimum: int) -> expressions.Expression:
         start = self.token
         node = self.parse(minimum)
-        if not isinstance(node, Expression):
+        if not isinstance(node, expressions.Expression):
             self.fail("an arithmetic expression", "a formula", start.position)
         return node
 
-    def as_expression(self, node: AnyNode) -> Expression:
-        if not isinstance(node, Expression):
+    def as_expression(self, node: syntax.AnyNode) -> expressions.Expression:
+        if not isinstance(node, expressions.Expression):
             self.fail(_continuations(node))
         return node
 
     # --- kinds of operands
 
-    def operand(self, minimum: int) -> Formula:
+    def operand(self, minimum: int) -> syntax.Formula:
         return self.as_formula(self.parse(minimum))
 
-    def as_formula(self, node: AnyNode) -> Formula:
-        if not isinstance(node, Formula):
-            alone = f"a signal alone is no formula: write {node} > 0" if isinstance(node, Signal) else None
+    def as_formula(self, node: syntax.AnyNode) -> syntax.Formula:
+        if not isinstance(node, syntax.Formula):
+            alone = f"a signal alone is no formula: write {node} > 0" if isinstance(node, expressions.Signal) else None
             self.fail("a comparison ('<=', '>=', '<', '>')", remedy=alone)
         return node
 
 
-def _continuations(node: AnyNode) -> str:
+def _continuations(node: syntax.AnyNode) -> str:
     """What may follow a complete operand."""
-    if isinstance(node, Formula):
+    if isinstance(node, syntax.Formula):
         return "'&', '|', '->', 'U[a,b]' (or another operator between formulas) or the end of the formula"
     return "an operator or a comparison"
 
 
 #: symbols that a formula can begin with; all others join a line to the one before
 _BEGINS = ("(", "!", "+", "-")
-_INFIX = {*BETWEEN, "W", "weak_until"}
+_INFIX = {*syntax.BETWEEN, "W", "weak_until"}
 
 
 def listed(text: str) -> Iterator[tuple[int, str]]:

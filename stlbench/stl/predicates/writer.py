@@ -147,7 +147,7 @@ _FOLDED: dict[str, Callable[..., Any]] = {
 }
 
 
-class Part(NamedTuple):
+class Operand(NamedTuple):
     """An operand: its text, the first temporary that is free after it, its depth, its value if it is constant."""
 
     text: str
@@ -164,7 +164,7 @@ class ExpressionWriter:
         self.lines: list[str] = []
         self.used: dict[int, None] = {}
 
-    def expression(self, node: Expression, base: int) -> Part:
+    def expression(self, node: Expression, base: int) -> Operand:
         """The value of `node`; temporaries from number `base` on are free."""
         match node:
             case Number(value):
@@ -172,7 +172,7 @@ class ExpressionWriter:
             case Signal(name):
                 column = self.columns[name]
                 self.used[column] = None
-                return Part(f"x{column}", base)
+                return Operand(f"x{column}", base)
             case Negative(arg):
                 return self.operation("-u", [arg], node, base)
             case Binary("**", left, Number(2.0)):
@@ -190,12 +190,12 @@ class ExpressionWriter:
             case Call(name, args):
                 return self.operation(name, args, node, base)
 
-    def returning(self, part: Part) -> list[str]:
+    def returning(self, part: Operand) -> list[str]:
         signals = [f"x{column} = {self.dialect.signal.format(column)}" for column in self.used]
         first = [self.dialect.first] if self.dialect.first else []
         return [*first, *signals, *self.lines, f"return {part.text}"]
 
-    def operation(self, op: str, args: Sequence[Expression], node: Expression | Predicate, base: int) -> Part:
+    def operation(self, op: str, args: Sequence[Expression], node: Expression | Predicate, base: int) -> Operand:
         """`op` of the arguments; a constant if all of them are."""
         parts, top = [], base
         for arg in args:
@@ -204,7 +204,7 @@ class ExpressionWriter:
             top = parts[-1].top
         return self.applied(op, parts, node, base)
 
-    def applied(self, op: str, parts: Sequence[Part], node: Expression | Predicate, base: int) -> Part:
+    def applied(self, op: str, parts: Sequence[Operand], node: Expression | Predicate, base: int) -> Operand:
         """`op` of operands that are written; a message names `node`."""
         values = [part.value for part in parts if part.value is not None]
         if op == "/" and parts[1].value is not None:
@@ -216,23 +216,23 @@ class ExpressionWriter:
         part = self.write(op, parts)
         return self.atom(part, base) if part.depth > DEPTH else part
 
-    def write(self, op: str, parts: Sequence[Part]) -> Part:
+    def write(self, op: str, parts: Sequence[Operand]) -> Operand:
         """The text of `op`: the dialect's template, or a call of the function."""
         texts = [part.text for part in parts]
         template = self.dialect.templates.get(op)
         text = template.format(*texts) if template else f"{FUNCTIONS[op].name}({', '.join(texts)})"
-        return Part(text, max(part.top for part in parts), 1 + max(part.depth for part in parts))
+        return Operand(text, max(part.top for part in parts), 1 + max(part.depth for part in parts))
 
-    def atom(self, part: Part, base: int) -> Part:
+    def atom(self, part: Operand, base: int) -> Operand:
         """The part as a name or a constant: in temporary number `base`, unless it is one already."""
         if part.depth == 0:
             return part
         self.lines.append(f"t{base} = {part.text}")
-        return Part(f"t{base}", base + 1)
+        return Operand(f"t{base}", base + 1)
 
-    def between(self, op: str, each: str | None, args: Sequence[Expression], node: Call, base: int) -> Part:
+    def between(self, op: str, each: str | None, args: Sequence[Expression], node: Call, base: int) -> Operand:
         """`op` between the arguments, grouped to the left, after the operation `each` on every one."""
-        result: Part | None = None
+        result: Operand | None = None
         for arg in args:
             top = base if result is None else result.top
             part = self.operation(each, [arg], node, top) if each else self.expression(arg, top)
@@ -243,10 +243,10 @@ class ExpressionWriter:
         return result
 
 
-def constant(value: float | bool, top: int) -> Part:
+def constant(value: float | bool, top: int) -> Operand:
     """A literal: its text is made of a float or a bool alone."""
     text = repr(bool(value)) if isinstance(value, bool | np.bool_) else repr(float(value))
-    return Part(f"({text})" if text.startswith("-") else text, top, value=value)
+    return Operand(f"({text})" if text.startswith("-") else text, top, value=value)
 
 
 def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicate) -> float:
@@ -282,7 +282,7 @@ class FormulaWriter(ExpressionWriter):
         result = self.formula(psi, negated, 0)
         return self.returning(result) if result.value is None else result.value
 
-    def formula(self, node: Formula, negated: bool, base: int) -> Part:
+    def formula(self, node: Formula, negated: bool, base: int) -> Operand:
         """Negation is moved to the predicates, where it swaps the operands, which negates floats exactly."""
         match node:
             case Predicate():
@@ -298,9 +298,9 @@ class FormulaWriter(ExpressionWriter):
             case _:
                 raise ValueError(f"expected a formula without temporal operators, got {node}")
 
-    def joined(self, args: Sequence[tuple[Formula, bool]], least: bool, base: int) -> Part:
+    def joined(self, args: Sequence[tuple[Formula, bool]], least: bool, base: int) -> Operand:
         op, pick = ("least", min) if least else ("greatest", max)
-        result: Part | None = None
+        result: Operand | None = None
         for arg, negated in args:
             top = base if result is None else result.top
             other = self.atom(self.formula(arg, negated, top), top)
@@ -313,7 +313,7 @@ class FormulaWriter(ExpressionWriter):
         assert result is not None
         return result
 
-    def predicate(self, node: Predicate, negated: bool, base: int) -> Part:
+    def predicate(self, node: Predicate, negated: bool, base: int) -> Operand:
         falls = node.op in ("<=", "<")
         if self.reading == "holds":
             return self.verdict(node, self.difference(node, falls, base), negated)
@@ -328,11 +328,11 @@ class FormulaWriter(ExpressionWriter):
         self.lines.append(zero.format(h.text, repr(side)))
         return h
 
-    def difference(self, node: Predicate, falls: bool, base: int) -> Part:
+    def difference(self, node: Predicate, falls: bool, base: int) -> Operand:
         small, large = (node.left, node.right) if falls else (node.right, node.left)
         return self.operation("-", [large, small], node, base)
 
-    def verdict(self, node: Predicate, h: Part, negated: bool) -> Part:
+    def verdict(self, node: Predicate, h: Operand, negated: bool) -> Operand:
         """NaN is false, and true if negated."""
         closed = node.op in ("<=", ">=")
         if h.value is not None:

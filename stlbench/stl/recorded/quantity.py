@@ -21,7 +21,7 @@ Floats: TypeAlias = NDArray[np.float64]
 #: a leaf to the function of samples (..., k) -> (...) that is its value
 Valued: TypeAlias = Callable[[Formula], Callable[[Floats], Floats]]
 #: the values of an empty F and an empty G
-Ends: TypeAlias = tuple[float, float]
+Empty: TypeAlias = tuple[float, float]
 
 
 class Quantity:
@@ -62,11 +62,11 @@ class Quantity:
         """The formula's value at each step at which it has one: (n, T+1, J) -> (n, T+1-horizon)."""
         return self._at(self.formula, leaves, (0, leaves.shape[1] - 1 - self.horizon), (-math.inf, math.inf))
 
-    def clipped(self, leaves: Floats, ends: Ends) -> Floats:
+    def clipped(self, leaves: Floats, ends: Empty) -> Floats:
         """The same at every step, (n, T+1), with windows cut at T; `ends` are those of an empty F and G."""
         return self._at(self.formula, leaves, (0, leaves.shape[1] - 1), ends)
 
-    def _at(self, node: Formula, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:
+    def _at(self, node: Formula, leaves: Floats, steps: tuple[int, int], ends: Empty) -> Floats:
         """The values of a part at the first to the last of `steps`, (n, last - first + 1)."""
         if node in self.leaves:
             return leaves[:, steps[0] : steps[1] + 1, self.leaves.index(node)]
@@ -82,7 +82,7 @@ class Quantity:
             case _:  # pragma: no cover - a leaf
                 raise AssertionError(node)
 
-    def _window(self, node: Window, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:
+    def _window(self, node: Window, leaves: Floats, steps: tuple[int, int], ends: Empty) -> Floats:
         lo, hi = steps
         fold = self.semantics.least if node.least else self.semantics.eventually
         first, last = lo + node.a, leaves.shape[1] - 1
@@ -94,7 +94,7 @@ class Quantity:
         values[:, max(last - node.a - lo + 1, 0) :] = ends[node.least]  # of windows that begin after the last sample
         return values
 
-    def _between(self, node: Between, leaves: Floats, t: int, ends: Ends) -> Floats:
+    def _between(self, node: Between, leaves: Floats, t: int, ends: Empty) -> Floats:
         """At one step: the least of each goal in the interval and of the guard before it, and the greatest of these.
 
         Of a release the greatest of each, and the least of these.

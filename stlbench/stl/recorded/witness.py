@@ -9,18 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stlbench.stl.language import syntax
 from stlbench.stl.language.structure import as_names, lookahead, require_formula, signals
-from stlbench.stl.language.syntax import (
-    END,
-    And,
-    Between,
-    Connective,
-    Formula,
-    Predicate,
-    Release,
-    TrueFormula,
-    Window,
-)
 from stlbench.stl.predicates import as_array, margin
 from stlbench.stl.recorded import robustness
 from stlbench.stl.recorded.evaluator import Traces, evaluator
@@ -29,7 +19,7 @@ from stlbench.stl.recorded.evaluator import Traces, evaluator
 class Link(NamedTuple):
     """A part of a formula, and the step of the trace at which it is evaluated."""
 
-    formula: Formula
+    formula: syntax.Formula
     step: int
 
 
@@ -49,10 +39,10 @@ class Witness:
     """1, or -1 where an odd number of negations is on the path."""
 
     @property
-    def predicate(self) -> Predicate | TrueFormula:
+    def predicate(self) -> syntax.Predicate | syntax.TrueFormula:
         """The predicate whose margin it is."""
         last = self.path[-1].formula
-        assert isinstance(last, Predicate | TrueFormula)
+        assert isinstance(last, syntax.Predicate | syntax.TrueFormula)
         return last
 
     @property
@@ -66,12 +56,12 @@ class Witness:
         return self.sign * self.margin
 
     @property
-    def conjunct(self) -> Formula:
+    def conjunct(self) -> syntax.Formula:
         """The one of the formula's conjuncts that the robustness is of; the formula itself where it has none."""
-        return next(link.formula for link in self.path if not isinstance(link.formula, And))
+        return next(link.formula for link in self.path if not isinstance(link.formula, syntax.And))
 
 
-def witness(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> Witness:
+def witness(formula: syntax.Formula, trace: ArrayLike, names: Sequence[str]) -> Witness:
     """Find the predicate and the sample that the robustness of `formula` at t = 0 comes from.
 
     Of equals it is the first operand and the earliest step. At a robustness of exactly 0 it is one that also decides
@@ -94,7 +84,7 @@ def witness(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> Witness
     robustness(formula, samples, named)  # refuses what cannot be evaluated
     search = _Search(Traces(np.asarray(samples, dtype=np.float64)[None], "strict", len(samples) - 1), named)
     path, sign = [Link(formula, 0)], 1
-    while not isinstance(path[-1].formula, Predicate | TrueFormula):
+    while not isinstance(path[-1].formula, syntax.Predicate | syntax.TrueFormula):
         link, turn = search.below(*path[-1])
         path.append(link)
         sign *= turn
@@ -110,41 +100,41 @@ class _Search(NamedTuple):
     traces: Traces
     names: tuple[str, ...]
 
-    def values(self, formula: Formula, first: int, last: int) -> NDArray[np.float64]:
+    def values(self, formula: syntax.Formula, first: int, last: int) -> NDArray[np.float64]:
         """Signed values at steps first..last, (last - first + 1,)."""
         with np.errstate(all="ignore"):
             rows = evaluator(formula, self.names, "signed")(self.traces, first, last, True)
         return np.asarray(rows[0])
 
-    def below(self, formula: Formula, t: int) -> tuple[Link, int]:
+    def below(self, formula: syntax.Formula, t: int) -> tuple[Link, int]:
         """The operand that the value of `formula` at step t is of, at its step, and the sign between the two."""
         match formula:
-            case Connective():
+            case syntax.Connective():
                 values = [(-1 if negated else 1) * self.values(arg, t, t)[0] for arg, negated in formula.signed]
                 arg, negated = formula.signed[int((np.argmin if formula.least else np.argmax)(values))]
                 return Link(arg, t), -1 if negated else 1
-            case Window():
+            case syntax.Window():
                 return self._window(formula, t), 1
-            case Between():
+            case syntax.Between():
                 return self._between(formula, t), 1
             case _:  # pragma: no cover - nothing is below predicates and True
                 raise AssertionError(formula)
 
-    def _window(self, formula: Window, t: int) -> Link:
+    def _window(self, formula: syntax.Window, t: int) -> Link:
         pick = np.argmin if formula.least else np.argmax
         near, far = formula.a, self._far(formula, t)
         first, last = (t - far, t - near) if formula.past else (t + near, t + far)
         return Link(formula.arg, first + int(pick(self.values(formula.arg, first, last))))
 
-    def _between(self, formula: Between, t: int) -> Link:
+    def _between(self, formula: syntax.Between, t: int) -> Link:
         """At the best step for `right`: that, or the worst of `left` on the way there, whichever is less.
 
         A release is an until of the opposites. A since is an until whose steps are counted backwards.
         """
         near, far, way = formula.a, self._far(formula, t), -1 if formula.past else 1
-        sign = -1 if isinstance(formula, Release) else 1
+        sign = -1 if isinstance(formula, syntax.Release) else 1
 
-        def at(operand: Formula, nearest: int, farthest: int) -> NDArray[np.float64]:
+        def at(operand: syntax.Formula, nearest: int, farthest: int) -> NDArray[np.float64]:
             first, last = sorted((t + way * nearest, t + way * farthest))
             return sign * self.values(operand, first, last)[::way]
 
@@ -156,7 +146,7 @@ class _Search(NamedTuple):
             return Link(formula.right, t + way * (near + best))
         return Link(formula.left, t + way * int(np.argmin(guard[: near + best])))
 
-    def _far(self, formula: Window | Between, t: int) -> int:
+    def _far(self, formula: syntax.Window | syntax.Between, t: int) -> int:
         """How many steps from t the operator's interval reaches, cut at step 0.
 
         Raises:
@@ -166,4 +156,4 @@ class _Search(NamedTuple):
             if t < formula.a:
                 raise ValueError(f"no sample decides: at step {t}, {formula.operator} looks before sample 0 alone")
             return min(t, formula.b)
-        return formula.b if formula.b < END else self.traces.last - lookahead(formula) - t
+        return formula.b if formula.b < syntax.END else self.traces.last - lookahead(formula) - t

@@ -23,7 +23,7 @@ from stlbench.stl.predicates import as_array
 from stlbench.stl.predicates.writer import FLOATS, SIDE, block, functions, indented
 from stlbench.stl.running.nested import one
 from stlbench.stl.running.scalar import Operator, Piece
-from stlbench.stl.running.tree import Joined, Part, Tree, last_step
+from stlbench.stl.running.tree import Joined, Node, Tree, last_step
 
 
 class Interval(NamedTuple):
@@ -182,19 +182,21 @@ def _spans(leaves: Sequence[Operator], horizon: int, signals: int, answer: list[
     return spans
 
 
+def _of_pieces(here: Sequence[Piece], first: int, last: int, part: Callable[[Piece], list[str]]) -> list[str]:
+    """One part of some pieces, in a span. A piece that is not for all of its steps looks at the step."""
+    lines = list[str]()
+    for piece in here:
+        whole = piece.first <= first and last <= piece.last
+        lines += part(piece) if whole else block(f"if {piece.first} <= now <= {piece.last}", part(piece))
+    return lines
+
+
 def _span(here: Sequence[Piece], first: int, last: int, answer: list[str]) -> list[str]:
     """The statements of a span: all pieces read, and then all take."""
-    partly = {id(piece): piece.first > first or piece.last < last for piece in here}
-
-    def of(part: Callable[[Piece], list[str]]) -> list[str]:
-        heads = (f"if {piece.first} <= now <= {piece.last}" if partly[id(piece)] else "" for piece in here)
-        both = zip(heads, map(part, here), strict=True)
-        return [line for head, lines in both for line in (block(head, lines) if head else lines)]
-
-    after = "m.steps = now + 1"
+    of, after = partial(_of_pieces, here, first, last), "m.steps = now + 1"
     if not here:
         return [after, "return m.answer"]
-    all_quiet = all(piece.quiet and not partly[id(piece)] for piece in here)
+    all_quiet = all(piece.quiet and piece.first <= first and last <= piece.last for piece in here)
     quiet = block(f"if {' and '.join(piece.quiet for piece in here)}", [after, "return m.answer"]) if all_quiet else []
     take = ["changed = False", *of(lambda piece: piece.take), *block("if changed", answer), "return m.answer"]
     return [*of(lambda piece: piece.read), *quiet, *of(lambda piece: piece.sign), after, *take]
@@ -208,16 +210,9 @@ def _in_groups(
     unpacked = " ".join(f"x{i}," for i in range(signals))
     for start in range(0, len(here), TOGETHER):
         group = here[start : start + TOGETHER]
-        heads = [f"if {each.first} <= now <= {each.last}" for each in group]
         names = sorted(set(re.findall(VALUES, repr([each.take for each in group]))))
         values = " ".join(f"{name}," for name in names)
-        number = len(helpers)
-
-        def of(
-            part: Callable[[Piece], list[str]], heads: list[str] = heads, group: Sequence[Piece] = group
-        ) -> list[str]:
-            return [line for head, each in zip(heads, group, strict=True) for line in block(head, part(each))]
-
+        number, of = len(helpers), partial(_of_pieces, group, first, last)
         nothing = f"{' = '.join(names)} = 0.0"  # where it is not read
         reading = [f"{unpacked} = sample", nothing, *of(lambda piece: [*piece.read, *piece.sign])]
         helpers += block(f"def read{number}(m, now, sample)", [*reading, f"return {values}"])
@@ -237,7 +232,7 @@ def _find(spans: Sequence[Span]) -> list[str]:
     return [f"if now < {spans[at].first}:", *indented(_find(spans[:at])), "else:", *indented(_find(spans[at:]))]
 
 
-def _answer(root: Part) -> list[str]:
+def _answer(root: Node) -> list[str]:
     """The statements that make the answer from the bounds of the operators."""
     lines: list[str] = []
     lower, upper = _joined(root, lines)
@@ -255,7 +250,7 @@ def _answer(root: Part) -> list[str]:
     ]
 
 
-def _joined(part: Part, lines: list[str]) -> tuple[str, str]:
+def _joined(part: Node, lines: list[str]) -> tuple[str, str]:
     """Names of a part's bounds, after the lines."""
     if isinstance(part, Operator):
         return part.lower, part.upper

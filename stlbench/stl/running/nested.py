@@ -13,7 +13,7 @@ from stlbench.stl.language.structure import check_names, is_temporal, operands_o
 from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Since, Window
 from stlbench.stl.predicates import Sample
 from stlbench.stl.predicates.writer import block
-from stlbench.stl.running.pulling import Term, terms
+from stlbench.stl.running.pulling import Goal, terms
 from stlbench.stl.running.scalar import Nested, Operator, Piece, Until, value_of
 from stlbench.stl.running.streams import Stream, Streams, UnsupportedError, earliest, latest, rises
 from stlbench.stl.running.tree import Kit, Pointwise
@@ -41,11 +41,11 @@ class Streamed(Operator):
         streams = enumerate(zip(marks.values(), self.firsts, strict=True))
         self.streams = Streams(number, {mark: Stream(f"v{number}_{i}", 0, first) for i, (mark, first) in streams})
         self.rises = until.open
-        self.best, self.terms = f"m.best{number}", list[tuple[Term, Stream, bool]]()
+        self.best, self.terms = f"m.best{number}", list[tuple[Goal, Stream, bool]]()
         for term in [] if until.open else terms(until.a, until.b, _marked(until.right, marks)):
             self._add(term)
 
-    def _add(self, term: Term) -> None:
+    def _add(self, term: Goal) -> None:
         """Take in a disjunct; one that is never known while the trace goes on says nothing."""
         start, stop, psi = term
         plain = stop == END and earliest(psi) >= latest(psi) and rises(psi)

@@ -33,7 +33,7 @@ EVENTS = 3
 TERMS = 16
 
 
-class Term(NamedTuple):
+class Goal(NamedTuple):
     """F[start,stop] psi, psi in negation normal form."""
 
     start: int
@@ -41,14 +41,14 @@ class Term(NamedTuple):
     psi: Formula
 
 
-def terms(start: int, stop: int, psi: Formula, negated: bool = False) -> list[Term]:
+def terms(start: int, stop: int, psi: Formula, negated: bool = False) -> list[Goal]:
     """F[start,stop] psi (or F[start,stop] !psi) as a disjunction; as it is where no rule helps."""
     whole = negations_inside(Not(psi) if negated else psi)
     found = _terms(start, stop, whole)
-    return found if len(found) <= TERMS else [Term(start, stop, whole)]
+    return found if len(found) <= TERMS else [Goal(start, stop, whole)]
 
 
-def _terms(start: int, stop: int, psi: Formula) -> list[Term]:
+def _terms(start: int, stop: int, psi: Formula) -> list[Goal]:
     match psi:
         case Or(args):
             return [term for arg in args for term in _terms(start, stop, arg)]
@@ -58,7 +58,7 @@ def _terms(start: int, stop: int, psi: Formula) -> list[Term]:
             # Known first for the window that ends now: its last F by this sample, the others by their own windows.
             closed = (b - a) - (d - c)
             earlier = [Historically(0, closed, Once(0, d - c, arg))] if d < END and closed > 0 else []
-            return [Term(start + b + c, END, all_of([arg, *earlier]))]
+            return [Goal(start + b + c, END, all_of([arg, *earlier]))]
         case And(args) if stop == END and start == 0:
             return _conjunction(args)
         case Release() if stop == END and start == 0:
@@ -66,10 +66,10 @@ def _terms(start: int, stop: int, psi: Formula) -> list[Term]:
         case Until() if stop == END and start == 0:
             return _conjunction((psi,))
         case _:
-            return [Term(start, stop, psi)]
+            return [Goal(start, stop, psi)]
 
 
-def _conjunction(args: Sequence[Formula]) -> list[Term]:
+def _conjunction(args: Sequence[Formula]) -> list[Goal]:
     """F of a conjunction."""
     for choice in args:
         if isinstance(choice, Or) and any(_looks_ahead(each) for each in choice.args):
@@ -88,7 +88,7 @@ def _conjunction(args: Sequence[Formula]) -> list[Term]:
             )
         case [Release(0, b, left, right)] if b > 0:
             released = all_of([*_conjuncts(left), Since(0, b, right, all_of([*rest, right]))])
-            held = Term(0, END, all_of([*rest, Always(0, b, right)]))
+            held = Goal(0, END, all_of([*rest, Always(0, b, right)]))
             return [*_terms(0, END, released), held]
         case [_, _, *_] if len(events) <= EVENTS and all(
             isinstance(each, Eventually) and (each.a, each.b) == (0, END) for each in events
@@ -96,7 +96,7 @@ def _conjunction(args: Sequence[Formula]) -> list[Term]:
             goals = [each.arg for each in events if isinstance(each, Eventually)]
             return [term for last in orders(rest, goals) for term in _terms(0, END, last)]
         case _:
-            return [Term(0, END, all_of(args))]
+            return [Goal(0, END, all_of(args))]
 
 
 def orders(rest: Sequence[Formula], goals: Sequence[Formula]) -> list[Formula]:

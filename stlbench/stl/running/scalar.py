@@ -72,7 +72,7 @@ class Operator(Leaf):
 
     def reading(self, name: str, psi: Pointwise) -> tuple[set[int], list[str], list[str]]:
         """`columns`, `read` and `sign` of a variable that has the value of a formula without temporal operators."""
-        value: Value = psi.value
+        value: Reading = psi.value
         self.namespace[f"whole_{name}"] = value.whole
         columns, whole = set(value.written.columns), f"{name} = whole_{name}(sample, now)"
         if len(value.written.lines) > WRITTEN_OUT:
@@ -82,14 +82,14 @@ class Operator(Leaf):
         return columns, [*tried, f"except (ArithmeticError, ValueError): {whole}"], sign
 
 
-class Value(NamedTuple):
+class Reading(NamedTuple):
     """A formula without temporal operators at a sample (x0, x1, ...)."""
 
     written: Written
     whole: Callable[[Sample, int], float]  # of a sample and its step, for values that the source cannot work out
 
 
-def value_of(psi: Formula, names: tuple[str, ...], negated: bool) -> Value:
+def value_of(psi: Formula, names: tuple[str, ...], negated: bool) -> Reading:
     @cache
     def compiled() -> OfSample:
         return compile_sample(psi, names, negated)
@@ -100,7 +100,7 @@ def value_of(psi: Formula, names: tuple[str, ...], negated: bool) -> Value:
         except UndefinedError:
             raise UndefinedError(cause(psi, names, np.array(sample)), now) from None
 
-    return Value(write_sample(psi, names, negated), whole)
+    return Reading(write_sample(psi, names, negated), whole)
 
 
 def _constant(value: float) -> str:

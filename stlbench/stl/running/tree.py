@@ -9,21 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
+from stlbench.stl.language import syntax
 from stlbench.stl.language.expressions import MAX_DEPTH
 from stlbench.stl.language.structure import horizon, is_endless, is_temporal
-from stlbench.stl.language.syntax import (
-    END,
-    Always,
-    And,
-    Between,
-    Connective,
-    Eventually,
-    Formula,
-    Not,
-    Or,
-    Release,
-    Window,
-)
 from stlbench.stl.recorded.evaluator import unknown
 
 #: least and greatest value, as floats or as arrays
@@ -58,14 +46,14 @@ class Leaf:
 
 L = TypeVar("L", bound=Leaf)
 #: any node of the tree
-Part: TypeAlias = "Leaf | Joined"
+Node: TypeAlias = "Leaf | Joined"
 
 
 @dataclass(frozen=True)
 class Joined:
     """Conjunction (`pick` is the least of a sequence) or disjunction (the greatest): bounds combine end by end."""
 
-    parts: Sequence[Part]
+    parts: Sequence[Node]
     pick: Callable[[Sequence[Any]], Any]
 
     def bounds(self) -> Ends:
@@ -79,55 +67,57 @@ class Kit(Generic[L]):
 
     least: Callable[[Sequence[Any]], Any]
     greatest: Callable[[Sequence[Any]], Any]
-    value: Callable[[Formula, tuple[str, ...], bool], Any]  # of psi, or of !psi
+    value: Callable[[syntax.Formula, tuple[str, ...], bool], Any]  # of psi, or of !psi
     until: Callable[[Pointwise | None, Pointwise, Interval, bool], L]  # F[a,b] right where left is None
     nested: Callable[[Pointwise, Interval, Interval, bool], L]  # F[a,c] G[d,e] psi
-    replayed: Callable[[Formula, tuple[str, ...], bool], L]  # any temporal formula
+    replayed: Callable[[syntax.Formula, tuple[str, ...], bool], L]  # any temporal formula
 
 
 class Tree(Generic[L]):
     """The cheapest operators that are exact for `formula`: `root` answers, `leaves` take the samples."""
 
-    def __init__(self, formula: Formula, names: tuple[str, ...], kit: Kit[L]) -> None:
+    def __init__(self, formula: syntax.Formula, names: tuple[str, ...], kit: Kit[L]) -> None:
         self.kit, self.names = kit, names
         self.leaves: list[L] = []
         self.root = self._build(formula, False)
 
-    def _build(self, formula: Formula, negated: bool) -> Part:
+    def _build(self, formula: syntax.Formula, negated: bool) -> Node:
         kit = self.kit
         match formula:
             case _ if not is_temporal(formula):
                 return self._eventually(formula, (0, 0), negated, False)
-            case Not(arg):
+            case syntax.Not(arg):
                 return self._build(arg, not negated)
-            case Connective():
+            case syntax.Connective():
                 parts = [self._build(arg, own is not negated) for arg, own in _together(formula)]
                 return Joined(parts, kit.least if formula.least is not negated else kit.greatest)
-            case Window(a, b, arg) if not (formula.past or is_temporal(arg)):
+            case syntax.Window(a, b, arg) if not (formula.past or is_temporal(arg)):
                 return self._eventually(arg, (a, b), formula.least, formula.least is not negated)
-            case Window(a, b, Window(c, d, arg) as inner) if not (formula.past or inner.past or is_temporal(arg)):
+            case syntax.Window(a, b, syntax.Window(c, d, arg) as inner) if not (
+                formula.past or inner.past or is_temporal(arg)
+            ):
                 least, flipped = formula.least, formula.least is not negated
                 if inner.least is not least:
                     return self._nested(arg, (a, b), (c, d), least, flipped)
-                return self._eventually(arg, (a + c, END if END in (b, d) else b + d), least, flipped)
-            case Between(a, b, left, right) if not (formula.past or is_temporal(left) or is_temporal(right)):
-                dual = isinstance(formula, Release)  # a release is the opposite of an until of the opposites
+                return self._eventually(arg, (a + c, syntax.END if syntax.END in (b, d) else b + d), least, flipped)
+            case syntax.Between(a, b, left, right) if not (formula.past or is_temporal(left) or is_temporal(right)):
+                dual = isinstance(formula, syntax.Release)  # a release is the opposite of an until of the opposites
                 psis = self._pointwise(left, dual), self._pointwise(right, dual)
                 return self._leaf(kit.until(*psis, (a, b), dual is not negated))
             case _:
                 return self._leaf(kit.replayed(formula, self.names, negated))
 
-    def _eventually(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
+    def _eventually(self, psi: syntax.Formula, interval: Interval, negated: bool, flipped: bool) -> Node:
         return self._leaf(self.kit.until(None, self._pointwise(psi, negated), interval, flipped))
 
-    def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Part:
-        if inner[1] == END:  # of windows that reach on for ever the last one demands least; the first reads most
-            windows = [self._eventually(psi, (start, END), not negated, not flipped) for start in outer]
+    def _nested(self, psi: syntax.Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Node:
+        if inner[1] == syntax.END:  # of windows that reach on for ever the last one demands least; the first reads most
+            windows = [self._eventually(psi, (start, syntax.END), not negated, not flipped) for start in outer]
             return Joined(windows, self.kit.least if flipped else self.kit.greatest)
         return self._leaf(self.kit.nested(self._pointwise(psi, negated), outer, inner, flipped))
 
-    def _pointwise(self, psi: Formula, negated: bool) -> Pointwise:
-        whole = Not(psi) if negated else psi
+    def _pointwise(self, psi: syntax.Formula, negated: bool) -> Pointwise:
+        whole = syntax.Not(psi) if negated else psi
         lower, upper = (unknown(whole, self.names, "signed", worst) for worst in (True, False))
         return Pointwise(self.kit.value(psi, self.names, negated), (lower, upper))
 
@@ -136,15 +126,15 @@ class Tree(Generic[L]):
         return leaf
 
 
-def _together(formula: Connective) -> Sequence[tuple[Formula, bool]]:
+def _together(formula: syntax.Connective) -> Sequence[tuple[syntax.Formula, bool]]:
     """The signed operands, where all G[a,b] psi of an `&` (all F of an `|`) with the same interval become one.
 
     So thousands of conjuncts are a few operators.
     """
-    if not isinstance(formula, And | Or) or formula.depth >= MAX_DEPTH - 1:
+    if not isinstance(formula, syntax.And | syntax.Or) or formula.depth >= MAX_DEPTH - 1:
         return formula.signed
-    kind, window = (And, Always) if formula.least else (Or, Eventually)
-    now, windows, others = list[Formula](), dict[Interval, list[Formula]](), list[Formula]()
+    kind, window = (syntax.And, syntax.Always) if formula.least else (syntax.Or, syntax.Eventually)
+    now, windows, others = list[syntax.Formula](), dict[Interval, list[syntax.Formula]](), list[syntax.Formula]()
     for arg in formula.args:
         if not is_temporal(arg):
             now.append(arg)
@@ -153,13 +143,13 @@ def _together(formula: Connective) -> Sequence[tuple[Formula, bool]]:
         else:
             others.append(arg)
 
-    def one(psis: Sequence[Formula]) -> Formula:
+    def one(psis: Sequence[syntax.Formula]) -> syntax.Formula:
         return kind(tuple(psis)) if len(psis) > 1 else psis[0]
 
     joined = [window(a, b, one(psis)) for (a, b), psis in windows.items()]
     return [(arg, False) for arg in (*([one(now)] if now else []), *joined, *others)]
 
 
-def last_step(formula: Formula) -> int:
+def last_step(formula: syntax.Formula) -> int:
     """The last step that `formula` reads at t = 0: its horizon, or `END`."""
-    return END if is_endless(formula) else horizon(formula)
+    return syntax.END if is_endless(formula) else horizon(formula)

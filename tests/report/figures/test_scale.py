@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from stlbench.report.figures.layout import (
-    Window,
+    Zoom,
     arrow_at_left,
     arrows_below,
     linear_threshold,
@@ -84,7 +84,7 @@ def test_an_axis_shows_all_values_and_says_what_it_does(threshold, low, high, nu
     ],
 )
 def test_the_axis_ends_where_the_best_can_be_told_apart(groups, shown):
-    assert window(groups) == (None if shown is None else pytest.approx(Window(*shown)))
+    assert window(groups) == (None if shown is None else pytest.approx(Zoom(*shown)))
 
 
 @given(groups=st.lists(st.lists(st.floats(-1e6, 1e6), min_size=1), min_size=1))

@@ -11,7 +11,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.yardsticks import Known
-from stlbench.simulation.references import References
+from stlbench.tracks.references import References
 
 TASKS = ("one", "two", "three", "four")
 STANDARDS = {task: References(score((1.0,)), own_agent="dqn", at_random=score((-1.0,))) for task in TASKS}

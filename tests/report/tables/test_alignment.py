@@ -13,7 +13,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.rows import split
 from stlbench.report.tables.yardsticks import Aligned, align, alignment_table, best_known
-from stlbench.simulation.references import References
+from stlbench.tracks.references import References
 
 OWN = {"overlap": References(own_agent="td3")}
 

@@ -13,7 +13,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense, to_csv
 from stlbench.report.tables.comparisons import advice, compare, comparisons_table
 from stlbench.report.tables.yardsticks import Known
-from stlbench.simulation.references import References
+from stlbench.tracks.references import References
 
 BEST = {Choice("hold-disc"): 0.4}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,19 +12,12 @@ from scipy import stats
 from stlbench.records.result import Score, Summary
 from stlbench.registry.choices import Choice
 from stlbench.report import Table, condense, to_records
+from stlbench.report.tables import runs
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
-from stlbench.report.tables.runs import (
-    cells_table,
-    overview,
-    robustness_table,
-    scores_and_cost,
-    scores_table,
-    time_table,
-)
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, best_known, controllers_table
-from stlbench.simulation.references import References
 from stlbench.task.file import BestKnown
+from stlbench.tracks.references import References
 
 FIRST = result(
     robustness=(0.25, -0.5, 0.75, 1.0),  # mean 0.375, satisfied 3 of 4
@@ -72,7 +66,7 @@ def part(table: Table, *names: str) -> list[dict[str, Any]]:
 
 
 def test_cells() -> None:
-    assert row(cells_table(GROUPS[0].rows)) == about(
+    assert row(runs.cells_table(GROUPS[0].rows)) == about(
         {
             **{"task": "hold-disc", "method": "funnel", "agent": "dqn", "seed": 0, "budget": "quick"},
             **{"track": "shared", "status": "done", "reason": None, "starts": 4, "inputs_added": 3},
@@ -91,7 +85,7 @@ def test_cells() -> None:
 
 def test_groups_of_cells_are_of_the_tasks_that_a_suite_drew() -> None:
     rows = [row for group in condense([result(), result(task="drawn")]) for row in group.rows]
-    found = to_records(cells_table(rows, {"drawn": {"system": "arm"}}))
+    found = to_records(runs.cells_table(rows, {"drawn": {"system": "arm"}}))
     assert [(each["task"], each["system"]) for each in found] == [("drawn", "arm"), ("hold-disc", None)]
 
 
@@ -106,7 +100,7 @@ def test_scores_and_cost_of_a_cell() -> None:
         inputs_added=3,
         wall_seconds=17.0,
     )
-    scores, cost = scores_and_cost(measured, outside=False)
+    scores, cost = runs.scores_and_cost(measured, outside=False)
     names = ("protocol", "policy", "mean robustness", "worst start", "satisfied [%]", "starts", "failed first")
     assert [tuple(each.values()) for each in part(scores, *names)] == [
         ("formula", "selected", 0.375, -0.5, 75.0, 4, "a: 1"),
@@ -125,13 +119,13 @@ def test_scores_and_cost_of_a_cell() -> None:
         "reward [ns/step]": 21.0,
         "inputs added": 3,
     }
-    (outside,) = scores_and_cost(measured, outside=True)
+    (outside,) = runs.scores_and_cost(measured, outside=True)
     assert [each["satisfied [%]"] for each in to_records(outside)] == [75.0, 50.0]
 
 
 def test_scores_of_many_starts_and_of_early_ends() -> None:
     many = Score((), (), {"a": 60, "b": 2}, Summary(0.25, -0.75, 0.938, 1000), ended_early=0.02)
-    assert row(scores_table({"": {"random": many}})) == {
+    assert row(runs.scores_table({"": {"random": many}})) == {
         "protocol": "random",
         "mean robustness": 0.25,
         "worst start": -0.75,
@@ -150,7 +144,7 @@ SETTING = {
 
 def test_time() -> None:
     """t of 1 degree of freedom is 12.7062 at 97.5 %; half of the range of two values is their standard error."""
-    assert row(time_table(GROUPS)) == about(
+    assert row(runs.time_table(GROUPS)) == about(
         SETTING
         | {
             "training wall [s]": 16.0,
@@ -170,7 +164,7 @@ def test_time() -> None:
 
 
 def test_robustness() -> None:
-    assert row(robustness_table(GROUPS, RESULTS)) == about(
+    assert row(runs.robustness_table(GROUPS, RESULTS)) == about(
         SETTING
         | {
             "starts": 4,
@@ -196,7 +190,7 @@ def test_robustness() -> None:
 
 
 def test_overview() -> None:
-    assert row(overview(GROUPS, RESULTS)) == about(
+    assert row(runs.overview(GROUPS, RESULTS)) == about(
         {
             **{"task": "hold-disc", "agent": "dqn", "budget": "quick", "track": "shared"},
             "by hand": 0.6,
@@ -207,6 +201,15 @@ def test_overview() -> None:
             "cell CPU [s]": 19.5,
         }
     )
+
+
+def test_an_interval_of_the_median_in_the_overview() -> None:
+    """Of five seeds it goes from the least to the greatest; one learned, and two by the final policy."""
+    values = (-0.1, -0.4, 0.2, -0.3, -0.2)
+    finals = (0.1, -0.1, 0.1, -0.1, -0.1)
+    groups = condense(result(seed=i, robustness=values[i : i + 1], final=finals[i : i + 1]) for i in range(5))
+    (found,) = runs.overview(groups, Known()).rows
+    assert found[4][:6] == (-0.2, -0.4, 0.2, 1, 2, 5)  # type: ignore[index]
 
 
 def test_controllers() -> None:
@@ -326,3 +329,12 @@ def test_across_tasks() -> None:
     assert part_of(pair, "method", "other", "both fit", "probability") == about(
         {"method": "good", "other": "poor", "both fit": "3 of 3", "probability": (14 + 8 + 14) / 48}
     )
+
+
+def test_circumstances_count_the_time_of_whole_cells() -> None:
+    """14 and 25 seconds of CPU, whatever training took."""
+    results = [replace(each, provenance={}) for each in (FIRST, SECOND)]
+    assert dict(runs.circumstances(condense(results)).rows) == {
+        "cells": "2, 2 of them with a result",
+        "CPU time": "39.0 seconds, training and evaluation",
+    }

@@ -14,7 +14,7 @@ from stlbench.report import condense, to_records
 from stlbench.report.tables.rows import maximised, split
 from stlbench.report.tables.runs import circumstances, overview, robustness_table
 from stlbench.report.tables.yardsticks import Known, best_known
-from stlbench.simulation.references import References
+from stlbench.tracks.references import References
 
 
 def test_one_row_per_task_and_one_column_per_method():

@@ -12,7 +12,7 @@ from stlbench.report import Report, condense
 from stlbench.report.tables.across import fields
 from stlbench.report.tables.sampled import common, groups_table, pairs_table
 from stlbench.report.tables.yardsticks import Known
-from stlbench.simulation.references import References
+from stlbench.tracks.references import References
 
 TASKS = {f"{system}-{form}": {"system": system, "template": form} for system in ("arm", "car") for form in "abcde"}
 STANDARDS = {

@@ -20,9 +20,9 @@ from stlbench.report.tables.yardsticks import Known, align, alignment_table, con
 from stlbench.search.certify import Certificate, Claim
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import certificates, falsifications
-from stlbench.simulation.references import References
 from stlbench.statistics.intervals import Interval
 from stlbench.task.file import BestKnown
+from stlbench.tracks.references import References
 
 THIRDS = (1 / 3, -1 / 3, 2 / 3, 2 / 3, 2 / 3, 2 / 3)  # mean 4 / 9, satisfied 5 / 6
 RESULTS = [

@@ -17,7 +17,7 @@ from stlbench.report.page import cells_shown
 from stlbench.report.tables.runs import cells_table, robustness_table, scores_table, time_table, unfinished_table
 from stlbench.report.tables.table import FirstFailed, Seeds
 from stlbench.report.tables.yardsticks import Known, controllers_table
-from stlbench.simulation.references import References
+from stlbench.tracks.references import References
 
 
 def cell(table, column, row=0):

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, Unsuitable
-from stlbench_agents.planning.grid import ActionSet
-from stlbench_agents.planning.sums import USUAL, Limits, Memories
+from stlbench_planning.grid import ActionSet
+from stlbench_planning.sums import USUAL, Limits, Memories
 
 FLAGS = st.lists(st.tuples(*[st.integers(-2, 3)] * 3), min_size=1, max_size=20, unique=True)
 

@@ -7,17 +7,16 @@ states and a formula. No rule knows the method.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import ceil, inf
+from math import ceil
 from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import ActionBox, Agent, Array, RewardMethod, System
-from stlbench.contract.method import Aim
+from stlbench.contract import ActionBox, Agent, Array, System
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import Track
 from stlbench.registry import plugins
@@ -26,12 +25,11 @@ from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import Schedule, is_schedule, pursued, schedules
 from stlbench.simulation.environment import fulfilling
 from stlbench.simulation.worlds import make_world
-from stlbench.stl import Always, Eventually, Formula, fragment
-from stlbench.stl.language.structure import walk
+from stlbench.stl import Formula, fragment
 from stlbench.task.derived import can_fall, derived
 from stlbench.task.entry import Region
 from stlbench.task.file import LOST, Budget, Ending, Exploring, TaskFile, TrainingEpisodes
-from stlbench.task.forms import Window, normal_form, windows
+from stlbench.task.forms import Window, normal_form, recurring, windows
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
 
@@ -246,31 +244,6 @@ def _declared(agent: str) -> dict[str, Any]:
     return parameters
 
 
-def recurring(formula: Formula) -> Iterator[Eventually]:
-    """What a formula asks for again and again: F inside G."""
-    for always in walk(formula):
-        if isinstance(always, Always):
-            yield from (node for node in walk(always.arg) if isinstance(node, Eventually))
-
-
-def aim_of(formula: Formula) -> Aim:
-    return "other" if next(recurring(formula), None) is None else "recurring"
-
-
-def in_turn(fitting: Mapping[str, RewardMethod], aim: Aim) -> tuple[str, ...]:
-    """The names of methods that fit a formula, in the order in which to try them.
-
-    First those with a place for the aim (`RewardMethod.preference`); then those inside their source's form, by inputs.
-    """
-
-    def order(name: str) -> tuple[float, bool, int, str]:
-        method = fitting[name]
-        place = plugins.place(type(method), aim)
-        return inf if place is None else place, method.extension != "", method.input_size, name
-
-    return tuple(sorted(fitting, key=order))
-
-
 def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
     """The steps at which the next goal changes: the ends of the windows of all goals but the last, decisions' ones.
 
@@ -319,7 +292,7 @@ def _exploring(task: Task) -> Exploring | None:
     if not isinstance(task.dynamics, System):
         return None
     assert task.file.initial is not None
-    decisions = task.file.steps // task.file.hold
+    decisions = task.file.decisions
     length = max(1, min(LENGTH, decisions // 2))
     share = EXPLORED * decisions / (EXPLORED * decisions + (1 - EXPLORED) * length)
     box = dict[str, tuple[float, float]]()

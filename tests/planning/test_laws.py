@@ -8,7 +8,7 @@ from helpers import lattice
 from helpers.lattice import Paid, Stepped
 
 from stlbench.contract import Array, Integers, Model, RewardMethod
-from stlbench_agents.planning import sums
+from stlbench_planning import sums
 
 STEPS = 6
 SPEC = lattice.specification("G[0,6] x <= 1", STEPS)

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from stlbench.contract import Model, StatePolicy, Training
-from stlbench_agents.planning.grid import AxisRecipe
-from stlbench_agents.training import CompiledAgent, Count, Positive, Share, Whole
+from pydantic import Field
+
+from stlbench.contract import Agent, Model, StatePolicy, Training
+from stlbench.contract.compiled import is_ready, note_ready
+from stlbench_planning.grid import AxisRecipe
 
 if TYPE_CHECKING:
-    from stlbench_agents.planning.grid import ActionSet, Grid
+    from stlbench_planning.grid import ActionSet, Grid
+
+Count = Annotated[int, Field(ge=1)]
+_LOOPS = "loops"  # the part of this package that is compiled
 
 
 @dataclass(frozen=True, kw_only=True)
-class _GridPlanner(CompiledAgent):
+class _GridPlanner(Agent):
     """Backward induction over time on a grid of the state."""
-
-    compiled_part = "planning"
 
     grid: Mapping[str, AxisRecipe] = field(default_factory=dict)
     """the axis of each column of the state; of one that is a signal too, its range where left out"""
-    resolution: Positive = 1.0
+    resolution: Annotated[float, Field(gt=0)] = 1.0
     """factor on the points of every axis"""
     actions: Count = 25
     """about how many actions are planned with, evenly chosen among the task's"""
@@ -41,14 +44,18 @@ class _GridPlanner(CompiledAgent):
         self._prepared(model)
 
     def _prepared(self, model: Model) -> tuple[Grid, ActionSet]:
-        from stlbench_agents.planning.grid import prepare  # imports Numba
+        from stlbench_planning.grid import prepare  # imports Numba
 
         return prepare(model, self.grid, self.resolution, self.actions)
 
-    def compile(self) -> None:
-        from stlbench_agents.planning.loops import compile_all
+    def uncompiled(self) -> Callable[[], None] | None:
+        return None if is_ready(__package__, _LOOPS) else self.preload
+
+    def preload(self) -> None:
+        from stlbench_planning.loops import compile_all
 
         compile_all()
+        note_ready(__package__, _LOOPS)
 
     @abstractmethod
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
@@ -66,17 +73,17 @@ class Planner(_GridPlanner):
     plans = "reward"
     recipe = MappingProxyType({"gamma": 0.9})
 
-    gamma: Share = 0.95
+    gamma: Annotated[float, Field(ge=0, le=1)] = 0.95
     """discount of a decision, that is, of `hold` steps"""
     memories: Count = 64
     """the most values of the method's memory that are planned with"""
-    rounded: Whole = 0
+    rounded: Annotated[int, Field(ge=0)] = 0
     """to how many values a memory of one number is rounded that takes more: fit for a running minimum or maximum, not
     for a count; 0 refuses it"""
 
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
-        from stlbench_agents.planning import sums
-        from stlbench_agents.planning.sums import Limits
+        from stlbench_planning import sums
+        from stlbench_planning.sums import Limits
 
         return sums.plan(model, grid, actions, self.gamma, Limits(self.memories, self.rounded))
 
@@ -91,6 +98,6 @@ class BestPossible(_GridPlanner):
     plans = "formula"
 
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
-        from stlbench_agents.planning import maximin
+        from stlbench_planning import maximin
 
         return maximin.plan(model, grid, actions)

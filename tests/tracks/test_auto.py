@@ -10,7 +10,6 @@ from stlbench.contract import ActionBox, ActionGrid
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
 from stlbench.registry.choices import Choice
-from stlbench.simulation.auto import cuts, recipe
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.worlds import observation_of
 from stlbench.stl import holds, parse
@@ -18,6 +17,7 @@ from stlbench.study.cell import on_track, own_agent_on
 from stlbench.task import build_method, load_task
 from stlbench.task.starts import sample
 from stlbench.task.task import agent_for
+from stlbench.tracks.auto import cuts, recipe
 
 
 @pytest.mark.parametrize(

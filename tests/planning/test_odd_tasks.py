@@ -12,8 +12,8 @@ from helpers.lattice import Paid, Stepped
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, Specification, Unsuitable
-from stlbench_agents.planning import maximin, sums
-from stlbench_agents.planning.grid import Axis, Grid
+from stlbench_planning import maximin, sums
+from stlbench_planning.grid import Axis, Grid
 
 STARTS = np.array([[-2.0], [0.0], [2.0]])
 SPEC = lattice.specification("G[0,6] x <= 1", 6)

@@ -10,8 +10,8 @@ from helpers import lattice
 from helpers.lattice import Paid
 
 from stlbench.contract import ActionGrid, Array, StatePolicy
-from stlbench_agents.planning import maximin, sums
-from stlbench_agents.planning.grid import Axis, Grid
+from stlbench_planning import maximin, sums
+from stlbench_planning.grid import Axis, Grid
 
 STEPS = 12
 STARTS = np.arange(-2.0, 3.0)[:, None]

@@ -7,16 +7,27 @@ next corner along each axis, the last of which is 1.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar, cast
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.plain_kernels import compiled, inlined
+from stlbench.contract import cached
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 Floats = NDArray[Any]
 Indices = NDArray[np.int32]
 Strides = NDArray[np.int64]
+
+_jitted = cast(Callable[[Function], Function], partial(numba.njit, error_model="numpy"))
+inlined = cast(Callable[[Function], Function], partial(numba.njit, inline="always", error_model="numpy"))
+
+
+def compiled(function: Function) -> Function:
+    return cached(_jitted(function))
 
 
 @inlined

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.simulation import trace_table
-from stlbench.simulation.trace_table import TraceTable, read_table, times_of
+from stlbench.share import trace_table
+from stlbench.share.trace_table import TraceTable, read_table, times_of
 
 
 def table(path: Path, content: str | bytes) -> TraceTable:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, End, Integers, Model, StatePolicy, Unsuitable
-from stlbench_agents.planning.grid import ActionSet, Axis, Floats, Grid, Places, refuse_beyond, simulated, sweep
-from stlbench_agents.planning.loops import mean_rewards, pay_best
+from stlbench_planning.grid import ActionSet, Axis, Floats, Grid, Places, refuse_beyond, simulated, sweep
+from stlbench_planning.loops import mean_rewards, pay_best
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class SumPolicy(StatePolicy):
         for end in reversed(model.ends):
             active = end.active[decision * model.hold + 1 : (decision + 1) * model.hold + 1]
             over = (end.over(samples[1:]) & active[:, None]).any(axis=0)
-            paid = worth(model, end, self.gamma, model.steps // model.hold - decision)
+            paid = worth(model, end, self.gamma, model.decisions - decision)
             returns[over] = paid - self.gamma * self.shift[decision]
         by_action: Array = returns.reshape(count, rows)
         return by_action
@@ -262,12 +262,12 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Lim
     tabled = model.method.paid_on_arrival and len(model.method.specification.signals) <= MOST_SIGNALS
     rewards = Arrivals(model, grid, actions) if tabled else Transitions(model, grid, actions, limits)
     if (values := len(rewards.memories)) > 1:
-        numbers = values * (model.steps // model.hold + CACHED * 2 * len(actions))
+        numbers = values * (model.decisions + CACHED * 2 * len(actions))
         what = f"a grid of {grid} points with {values} values of the method's memory"
         refuse_beyond(4e-9 * grid.size * numbers, what)
-    ends = Ends(model, grid, actions, gamma)
+    ends = EndReturns(model, grid, actions, gamma)
     next_ = sweep(model, grid, actions, (rewards.observe, ends.observe))
-    decisions = model.steps // model.hold
+    decisions = model.decisions
     later = np.zeros((decisions, len(rewards.memories), grid.size), np.float32)
     shift, moved = np.zeros(decisions), 0.0
     value = np.zeros(later.shape[1:], np.float32)
@@ -336,7 +336,7 @@ def forever(reward: float, gamma: float, decisions: int) -> float:
     return reward / (1 - gamma) if gamma < 1 else reward * decisions
 
 
-class Ends:
+class EndReturns:
     """Where the task's training episodes end early."""
 
     def __init__(self, model: Model, grid: Grid, actions: ActionSet, gamma: float) -> None:
@@ -352,7 +352,7 @@ class Ends:
     def at(self, decision: int) -> Floats:
         """The whole return (A, S) of decisions that end the episode, NaN for others; empty where none does."""
         hold = self._model.hold
-        left = self._model.steps // hold - decision
+        left = self._model.decisions - decision
         active = [end.active[decision * hold + 1 : (decision + 1) * hold + 1] for end in self._model.ends]
         returns = [worth(self._model, end, self._gamma, left) for end in self._model.ends]
         pattern = np.concatenate([*active, np.array(returns)]).tobytes() if active else b""

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Array, Model
-from stlbench_agents.planning import maximin
+from stlbench_planning import maximin
 
 STEPS = 6
 STARTS = np.arange(-2.0, 3.0)[:, None]

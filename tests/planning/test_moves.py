@@ -7,7 +7,7 @@ import pytest
 from helpers import lattice
 
 from stlbench.contract import ActionBox, ActionGrid
-from stlbench_agents.planning.grid import ActionSet, simulated, sweep
+from stlbench_planning.grid import ActionSet, simulated, sweep
 
 
 def grid_of(*axes: tuple[float, ...]) -> ActionGrid:

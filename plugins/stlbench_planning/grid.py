@@ -135,7 +135,7 @@ Floats = NDArray[Any]
 
 
 class Places(NamedTuple):
-    """The places of points on a grid, for `stlbench_agents.planning.loops`."""
+    """The places of points on a grid, for `stlbench_planning.loops`."""
 
     at: NDArray[np.int32]
     """(...): the number of the cell's lowest corner; -1 outside the grid."""
@@ -179,7 +179,7 @@ class Grid:
 
     def read(self, values: Floats, points: Array, outside: float) -> Array:
         """Values (size,) of the grid between its points, at points (N, axes): (N,)."""
-        from stlbench_agents.planning.loops import interpolate  # imports Numba, which `stlbench list` does not need
+        from stlbench_planning.loops import interpolate  # imports Numba, which `stlbench list` does not need
 
         places = self.places(points)
         result = np.empty(len(points), np.float32)
@@ -263,8 +263,7 @@ def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, 
     grid, actions = Grid(axes_of(model, recipes, resolution)), ActionSet.of(model.actions, most)
     each = len(actions) * grid.size
     dimensions = 4 * (1 + len(grid.axes)), 4 * (1 + len(model.method.specification.signals))
-    decisions = model.steps // model.hold
-    needed = (each * (dimensions[0] + model.hold * dimensions[1] + 4) + 4 * grid.size * decisions) / 1e9
+    needed = (each * (dimensions[0] + model.hold * dimensions[1] + 4) + 4 * grid.size * model.decisions) / 1e9
     refuse_beyond(needed, f"a grid of {grid} points with {len(actions)} actions of {model.hold} samples")
     return grid, actions
 

@@ -18,30 +18,30 @@ from stlbench import stl
 from stlbench.cli.show_task import _schedule
 from stlbench.contract import ActionGrid
 from stlbench.errors import UsageError
-from stlbench.simulation.auto import automatic
 from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, content_of
 from stlbench.solver.run import _folder
 from stlbench.solver.tries import Nearest, check_speed, of_course
-from stlbench.solver.workspace import pose
+from stlbench.solver.workspace import workspace_of
 from stlbench.task import load_task
 from stlbench.task.gym_sketch import sketch
+from stlbench.tracks.auto import automatic
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gym-pendulum" / "task.yaml"
 
 
 def test_each_problem_has_a_folder_of_its_own() -> None:
     first, second = Problem("CartPole-v1", FORMULA), Problem("CartPole-v1", "G[0,20] abs(x) <= 1")
-    pose(first, _folder(first))
+    workspace_of(first, _folder(first))
     assert _folder(first) == Path("solved/cartpole-v1")
     assert _folder(second) == Path("solved/cartpole-v1-2")
     with pytest.raises(UsageError, match="solved/cartpole-v1 has another problem, CartPole-v1 G"):
-        pose(second, _folder(first))
+        workspace_of(second, _folder(first))
 
 
 def test_the_task_file_of_an_environment() -> None:
     signals = {"theta": "atan2(obs[1], obs[0])"}
-    workspace = pose(
+    workspace = workspace_of(
         Problem("Pendulum-v1", "G[2,5] abs(theta) <= 0.2 & F[0,10] omega > 1", signals, "seconds"), Path("out")
     )
     content = yaml.safe_load(Path("out/task/task.yaml").read_text())
@@ -54,14 +54,16 @@ def test_the_task_file_of_an_environment() -> None:
     assert workspace.notes == ()
     note = workspace.search(600)
     assert re.match("no witness was found: [0-9]+ episodes of held actions", str(note))
-    assert (workspace.notes, workspace.search(600)) == ((note,), None)
-    long = pose(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
+    assert (workspace.notes, workspace.doubts, workspace.search(600)) == ((), (note,), None)
+    long = workspace_of(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
     assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
 
 
 @pytest.mark.usefixtures("made")
 def test_signals_from_the_info() -> None:
-    pose(Problem(POINT, "F[0,9] reached > 0.5 | G[0,9] near <= 1", {"near": "far + abs(obs[goal])"}), Path("out"))
+    workspace_of(
+        Problem(POINT, "F[0,9] reached > 0.5 | G[0,9] near <= 1", {"near": "far + abs(obs[goal])"}), Path("out")
+    )
     content = yaml.safe_load(Path("out/task/task.yaml").read_text())
     assert content["signals"]["reached"] == {"low": 0.0, "high": 1.0}
     near = content["signals"]["near"]
@@ -71,14 +73,14 @@ def test_signals_from_the_info() -> None:
 
 @pytest.mark.usefixtures("made")
 def test_words_in_an_observation_are_left_out() -> None:
-    workspace = pose(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
+    workspace = workspace_of(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
     assert workspace.task.source.observed.size == 1
     assert workspace.task.source.observed.flat({"place": np.array([0.5]), "word": "go"}).tolist() == [0.5]
 
 
 @pytest.mark.usefixtures("made")
 def test_a_witness_is_kept_and_satisfies() -> None:
-    workspace = pose(Problem(POINT, "F[0,29] abs(place0) <= 0.1"), Path("out"))
+    workspace = workspace_of(Problem(POINT, "F[0,29] abs(place0) <= 0.1"), Path("out"))
     assert "a witness exists" in str(workspace.search(600))
     found = json.loads(Path("out/witness.json").read_text())
     env = gymnasium.make(POINT)
@@ -94,13 +96,13 @@ def test_a_witness_is_kept_and_satisfies() -> None:
 @pytest.mark.usefixtures("made")
 def test_witnesses_give_a_schedule_that_they_satisfy() -> None:
     formula = "F[0,15] (x >= 0.5 & F[0,14] x <= 0)"
-    workspace = pose(Problem(POINT, formula, {"x": "obs[place][0]"}), Path("out"))
+    workspace = workspace_of(Problem(POINT, formula, {"x": "obs[place][0]"}), Path("out"))
     assert "a witness exists" in str(workspace.search(600))
     schedule = workspace.task.file.schedules["witness"]
     assert [str(choice) for choice in workspace.choices] == ["task[schedule=witness]", "task"]
     assert load_task(workspace.choices[0]).file.followed == schedule != workspace.task.file.followed
     task, found = workspace.task, json.loads(Path("out/witness.json").read_text())
-    actions = np.array(found["actions"])[in_pieces(task.file.steps // task.file.hold, len(found["actions"]))]
+    actions = np.array(found["actions"])[in_pieces(task.file.decisions, len(found["actions"]))]
     trace = replay(task, actions[None], np.array([found["start"]])).traces
     assert stl.satisfied(schedule, trace, task.signals).all()
 
@@ -109,10 +111,10 @@ def test_witnesses_give_a_schedule_that_they_satisfy() -> None:
 def test_what_is_too_fast_is_told() -> None:
     """The point goes at most 0.1 in a step: it takes at least 5 from the one place to the other."""
     signals, here, there = {"x": "obs[place][0]"}, "x >= 0.5 & x <= 0.7", "x >= -0.2 & x <= 0"
-    slow = pose(Problem(POINT, f"F[0,10] ({here}) & F[10,30] ({there})", signals), Path("slow"))
-    assert not [note for note in slow.notes if "too fast" in note]
-    fast = pose(Problem(POINT, f"F[9,10] ({here}) & F[11,12] ({there})", signals), Path("fast"))
-    (note,) = (note for note in fast.notes if "too fast" in note)
+    slow = workspace_of(Problem(POINT, f"F[0,10] ({here}) & F[10,30] ({there})", signals), Path("slow"))
+    assert not [note for note in slow.doubts if "too fast" in note]
+    fast = workspace_of(Problem(POINT, f"F[9,10] ({here}) & F[11,12] ({there})", signals), Path("fast"))
+    (note,) = (note for note in fast.doubts if "too fast" in note)
     ends = f"from '{here}' in 9..10 to '{there}' in 11..12"
     found = re.fullmatch(
         rf"perhaps too fast: {re.escape(ends)}; with actions held at random such a way takes (\d+) steps more", note
@@ -122,11 +124,11 @@ def test_what_is_too_fast_is_told() -> None:
 
 
 def test_what_is_trivial_or_impossible_is_told() -> None:
-    trivial = pose(Problem("Pendulum-v1", "G[0,5] abs(omega) <= 8.5"), Path("out"))
+    trivial = workspace_of(Problem("Pendulum-v1", "G[0,5] abs(omega) <= 8.5"), Path("out"))
     assert trivial.notes[0].partition(" %")[0] == "trivial: by the action zero 100"
-    doubtful = pose(Problem("CartPole-v1", "F[0,5] v >= 20"), Path("other"))
+    doubtful = workspace_of(Problem("CartPole-v1", "F[0,5] v >= 20"), Path("other"))
     reason = "impossible, if the ranges that random actions show are right: 'v >= 20' never holds: v is from"
-    assert doubtful.notes[0].startswith(reason)
+    assert doubtful.doubts[0].startswith(reason)
     assert "no witness was found" in str(doubtful.search(60))
 
 
@@ -141,16 +143,16 @@ def test_a_fixed_sequence_that_suffices_is_told(speed: float, told: str | None) 
 
 @pytest.mark.usefixtures("made")
 def test_an_environment_that_ignores_seeds_is_told() -> None:
-    forgetful = pose(Problem("zz_made:Forgetful-v0", "F[0,9] abs(place0) <= 0.1"), Path("out"))
+    forgetful = workspace_of(Problem("zz_made:Forgetful-v0", "F[0,9] abs(place0) <= 0.1"), Path("out"))
     assert forgetful.notes == (
         "the environment ignores seeds: no episode can be repeated, so no counterexample is searched",
     )
     assert not forgetful.state["repeatable"]
-    assert pose(Problem(POINT, "F[0,9] abs(place0) <= 0.1"), Path("other")).state["repeatable"]
+    assert workspace_of(Problem(POINT, "F[0,9] abs(place0) <= 0.1"), Path("other")).state["repeatable"]
 
 
 def test_a_formula_may_look_one_step_ahead() -> None:
-    assert pose(Problem("Pendulum-v1", "F[0,1] x >= 0.5"), Path("out")).task.file.steps == 1
+    assert workspace_of(Problem("Pendulum-v1", "F[0,1] x >= 0.5"), Path("out")).task.file.steps == 1
 
 
 @pytest.mark.usefixtures("made")

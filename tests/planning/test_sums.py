@@ -13,7 +13,7 @@ from helpers.lattice import Paid, Stepped
 from helpers.stepwise import Stepwise
 
 from stlbench.contract import Array, End, Integers, Model, RewardMethod, Specification, Truth
-from stlbench_agents.planning import sums
+from stlbench_planning import sums
 
 STARTS = (-2, -1, 0, 1, 2)
 STEPS = 6

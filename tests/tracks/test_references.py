@@ -12,9 +12,9 @@ from stlbench.contract import Array, Integers
 from stlbench.records.identity import Setting, Track
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.simulation import references
 from stlbench.task.file import BestKnown
 from stlbench.task.task import Task
+from stlbench.tracks import references
 from stlbench_methods.raw import Raw
 
 

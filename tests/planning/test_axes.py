@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from stlbench.contract import Unsuitable
-from stlbench_agents.planning.grid import Axis, AxisRecipe, axes_of
+from stlbench_planning.grid import Axis, AxisRecipe, axes_of
 
 NUMBERS = st.floats(-50, 50).map(lambda value: round(value, 6))
 RISING = st.lists(NUMBERS, min_size=2, max_size=12, unique=True).map(lambda found: np.array(sorted(found)))

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from stlbench import stl
 from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench.stl import Term
-from stlbench_agents.planning.grid import ActionSet, Floats, Grid, refuse_beyond, simulated, sweep
-from stlbench_agents.planning.loops import extremes, reach_best
+from stlbench_planning.grid import ActionSet, Floats, Grid, refuse_beyond, simulated, sweep
+from stlbench_planning.loops import extremes, reach_best
 
 Truth = NDArray[np.bool_]
 
 
-class Part(NamedTuple):
+class Margin(NamedTuple):
     """The contribution of one term at a decision: the least or the greatest margin of some of its samples."""
 
     term: int
@@ -42,7 +42,7 @@ class Move(NamedTuple):
     """A transition between stages, and the margins that count in it."""
 
     then: int
-    parts: tuple[Part, ...] = ()
+    parts: tuple[Margin, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,10 @@ class Stages:
         t = decision * self.hold + 1 + np.arange(self.hold)
         inside = (term.start <= t) & (t <= term.end)
         if term.kind == "G":
-            yield Move(0, (Part(i, inside.tobytes(), True),) if inside.any() else ())
+            yield Move(0, (Margin(i, inside.tobytes(), True),) if inside.any() else ())
         elif term.kind == "F":
             if now == 0 and inside.any():
-                yield Move(1, (Part(i, inside.tobytes(), False),))
+                yield Move(1, (Margin(i, inside.tobytes(), False),))
             if now == 1 or t[-1] < term.end:
                 yield Move(now)
         else:
@@ -105,7 +105,7 @@ class Stages:
             yield Move(last)
         elif now > 0 or begins:
             left = term.b - term.c2 + 1 - now * self.hold
-            yield Move(now + 1, (Part(i, (np.arange(self.hold) < left).tobytes(), True),))
+            yield Move(now + 1, (Margin(i, (np.arange(self.hold) < left).tobytes(), True),))
         if now == 0 and first + self.hold <= term.c1 + term.c2:
             yield Move(0)
 
@@ -201,11 +201,11 @@ def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
             f"{idle.formula}: none of its windows begins with a decision, every {model.hold} samples from 1"
         )
     each = len(stages.terms) * model.hold + _CACHED + 2 + len(grid.axes)
-    numbers = stages.count * (model.steps // model.hold + 1) + len(actions) * each
+    numbers = stages.count * (model.decisions + 1) + len(actions) * each
     refuse_beyond(4e-9 * grid.size * numbers, f"a grid of {grid} points with {stages.count} stages of the formula")
     tables = _Margins(model, grid, actions, stages)
     next_ = sweep(model, grid, actions, (tables.observe,))
-    decisions, most = model.steps // model.hold, tables.bound()
+    decisions, most = model.decisions, tables.bound()
     later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
     later[decisions, stages.over] = most
     free = np.full(tables.shape, most, np.float32)
@@ -245,7 +245,7 @@ class _Margins:
         self.shape = len(actions), grid.size
         self._margins = np.empty((len(terms), *self.shape, model.hold), np.float32)
         self._values = [_margin(model, term) for term in terms]
-        self._cache = dict[Part, Floats]()
+        self._cache = dict[Margin, Floats]()
 
     def observe(self, action: int, samples: Array) -> None:
         for i, margin in enumerate(self._values):
@@ -260,7 +260,7 @@ class _Margins:
             np.clip(self._margins, -most, most, out=self._margins)
         return most
 
-    def at(self, part: Part) -> Floats:
+    def at(self, part: Margin) -> Floats:
         if part not in self._cache:
             if len(self._cache) >= _CACHED:
                 self._cache.pop(next(iter(self._cache)))

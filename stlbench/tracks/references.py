@@ -13,11 +13,11 @@ from stlbench.records.result import Score
 from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.simulation import baselines
-from stlbench.simulation.auto import for_every_method
 from stlbench.simulation.faults import Ask, Question, answers, ask_here
 from stlbench.task import Task, build_method, load_task
 from stlbench.task.build import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
+from stlbench.tracks.auto import for_every_method
 
 _T = TypeVar("_T")
 

@@ -10,10 +10,10 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.schedules.plan import UnscheduledError
-from stlbench.simulation.auto import alternatives, initial_samples, rewrites, scheduled
 from stlbench.simulation.referee import Referee
 from stlbench.study.cell import on_track
 from stlbench.task import Task, build_method, load_task
+from stlbench.tracks.auto import alternatives, initial_samples, rewrites, scheduled
 
 NESTED = {
     "chain": "F[0,4] (x >= 5 & F[0,4] x <= -5)",

@@ -12,11 +12,11 @@ from math import inf
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.simulation.auto import regions, scheduled
 from stlbench.simulation.baselines import held_at_random, in_pieces, replay
 from stlbench.stl import Formula, FragmentError, Term, fragment
 from stlbench.task import Task
 from stlbench.task.forms import normal_form
+from stlbench.tracks.auto import regions, scheduled
 
 _COPIES, _PIECES = 32, 20
 """Episodes that are looked at, and the most different actions in one."""
@@ -44,7 +44,7 @@ def too_fast(task: Task) -> str | None:
     if not far:
         return None
     actions = _held(task)
-    held = actions[:, in_pieces(_decisions(task), actions.shape[1])]
+    held = actions[:, in_pieces(task.file.decisions, actions.shape[1])]
     begun = task.starts.report_and_selection()[0]
     traces = replay(task, held, begun[np.arange(_COPIES) % len(begun)]).traces
     missing = dict[tuple[Term | None, Term], float]()
@@ -60,16 +60,12 @@ def too_fast(task: Task) -> str | None:
 
 def _held(task: Task) -> Integers | Array:
     """Actions (copies, pieces, ...), which of half of the copies are at the ends of their ranges."""
-    pieces = min(_PIECES, _decisions(task))
+    pieces = min(_PIECES, task.file.decisions)
     found = held_at_random(task.actions, np.random.default_rng(0), _COPIES, pieces)
     if not isinstance(task.actions, ActionGrid):
         low, high = np.array(task.actions.low), np.array(task.actions.high)
         found[_COPIES // 2 :] = np.where(found[_COPIES // 2 :] < (low + high) / 2, low, high)
     return found
-
-
-def _decisions(task: Task) -> int:
-    return task.file.steps // task.file.hold
 
 
 def _psi(term: Term | None) -> Formula | None:

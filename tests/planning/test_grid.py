@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from stlbench_agents.planning.grid import Axis, Grid
+from stlbench_planning.grid import Axis, Grid
 
 
 def uneven(dimensions: int) -> Grid:

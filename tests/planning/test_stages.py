@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench import stl
-from stlbench_agents.planning.maximin import Part, Stages
+from stlbench_planning.maximin import Margin, Stages
 
 
 def stages(formula: str, hold: int) -> Stages:
@@ -15,7 +15,7 @@ def stages(formula: str, hold: int) -> Stages:
 def moves(formula: str, hold: int, stage: int, decision: int) -> list[tuple[int, list[tuple[int, list[int], bool]]]]:
     """(next stage, [(term, numbers of the active samples, whether the least counts)])."""
 
-    def read(part: Part) -> tuple[int, list[int], bool]:
+    def read(part: Margin) -> tuple[int, list[int], bool]:
         return part.term, np.flatnonzero(np.frombuffer(part.active, np.bool_)).tolist(), part.least
 
     return [(move.then, list(map(read, move.parts))) for move in stages(formula, hold).moves(stage, decision)]
