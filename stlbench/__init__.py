@@ -26,7 +26,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """What runs studies is imported when it is first used, so that `stlbench.stl` needs NumPy alone."""
+    """The code that runs studies is imported at its first use, so that `stlbench.stl` needs NumPy alone."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module

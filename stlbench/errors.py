@@ -1,4 +1,4 @@
-"""What a user did wrong, as one clear line."""
+"""A mistake of the user, as one clear line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 class UsageError(ValueError):
     """Bad input of a user: shown as one line, exit code 2, never a traceback.
 
-    What the system says of a file is without its number, and without a path that the message has said already.
+    The system's message on a file loses its number, and a path that was said already.
     """
 
     def __init__(self, message: str = "") -> None:
@@ -44,7 +44,7 @@ class DiskFull(UsageError):
 
 
 def unwritable(said: str, error: OSError | sqlite3.Error) -> UsageError:
-    """What to raise where stlbench cannot write a file, with the cause after what is `said`; a `DiskFull` where there
+    """The error where stlbench cannot write a file, with the cause after what is `said`; a `DiskFull` where there
     is no space for it."""
     if isinstance(error, OSError):
         is_full = error.errno in NO_SPACE
@@ -74,7 +74,7 @@ _WORDS = {
 
 
 def in_words(message: str) -> str:
-    """What Pydantic says of a value, in our words: "Input should be greater than 0" -> "should be more than 0"."""
+    """Pydantic's message on a value, in our words: "Input should be greater than 0" -> "should be more than 0"."""
     for begin, words in _WORDS.items():
         if re.match(begin, message):
             return re.sub(begin, words, message, count=1)
@@ -157,7 +157,7 @@ def _escaped(match: re.Match[str]) -> str:
 
 
 DISTRIBUTION = "stlbench-rl"
-"""What is installed to get this package. `stlbench.DISTRIBUTION` has the same value where the package is this one."""
+"""The name to install for this package. `stlbench.DISTRIBUTION` has the same value where the package is this one."""
 
 
 def foreign(package: ModuleType = stlbench) -> str | None:

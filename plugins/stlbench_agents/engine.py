@@ -103,7 +103,7 @@ def actions(
 
 
 def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indices:
-    """Greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first."""
+    """Greedy actions at observations (B, D) of any floating-point type: (B,). The first of equals."""
     rows = len(observation)
     chosen, buffers = np.empty(rows, np.int64), OutputBuffers.of(network.layers, rows, flat.dtype)
     actions(flat, network, np.ascontiguousarray(observation), 0.0, _NO_CHANCE, 1, buffers, chosen)

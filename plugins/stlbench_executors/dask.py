@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Run(NamedTuple):
-    """What all items of a run have in common."""
+    """The common part of all items of a run."""
 
     name: str  # unique
     memory: int | None  # bytes for an item; None for a share of nine tenths of what the worker may take

@@ -1,4 +1,4 @@
-"""What all commands share: they are imported when they are called, and their errors are one line."""
+"""Common to all commands: they are imported when they are called, and their errors are one line."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _open_standard_streams() -> None:
 
 
 def _of_others(error: Exception) -> str:
-    """What to say of an error in code or files of others. Raises the error where it is in none: it is a bug."""
+    """The message for an error in code or files of others. Raises the error where it is in none: it is a bug."""
     if (problem := _damaged(error)) is not None:
         return f"an installed distribution cannot be read; install it again, or remove it: {problem}"
     from stlbench.registry.plugins import blamed

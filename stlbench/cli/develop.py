@@ -41,7 +41,7 @@ _SHARED = {
 """File -> the template that it is made of, a text file beside this module."""
 _SCHEMA = "task.schema.json"
 _HINT = f"# yaml-language-server: $schema={_SCHEMA}\n"
-"""By this line editors complete and check a task file."""
+"""Editors complete and check a task file by this line."""
 _WORDS: dict[Made, dict[str, str]] = {
     "method": {
         "module": "method",
@@ -174,7 +174,7 @@ def check(
 
     Prints how many rules are kept, up to the first that is broken. The exit code is 1 where a rule is broken, 2 for bad
     input or a plugin that refuses what it is checked on, otherwise 0. That a reward is the right one, or that
-    an agent learns, is not checked. What breaks no rule and is probably not meant is a warning.
+    an agent learns, is not checked. A probable mistake that breaks no rule is a warning.
 
     \b
     Examples:

@@ -18,7 +18,7 @@ from stlbench.study.study import Option, Study
 
 
 def completed(kind: str) -> Callable[[str], list[str]]:
-    """What completes the name of a plugin of one of `plugins.KINDS`, also the last one of a comma list."""
+    """A function that completes the name of a plugin of one of `plugins.KINDS`, also the last of a comma list."""
 
     def names(incomplete: str) -> list[str]:
         before, comma, last = incomplete.rpartition(",")

@@ -1,4 +1,4 @@
-"""What commands print: facts as JSON alone on stdout, or else lines, and tables on the console."""
+"""The output of commands: facts as JSON alone on stdout, or else lines, and tables on the console."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _move_back(kept: int) -> None:
 def print_json(value: Any) -> None:
     """Print a value as JSON, once in a command. JSON has no infinity, so that is null, as is NaN.
 
-    What no terminal takes is there as an escape of JSON, which means the same.
+    A character that no terminal takes becomes an escape of JSON, which means the same.
     """
     _APART.close()
     text = json.dumps(_finite(value), indent=2, ensure_ascii=False)

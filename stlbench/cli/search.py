@@ -207,7 +207,7 @@ def falsify(
 
     A global optimiser of SciPy minimises the robustness over the task's initial states; the search stops at the first
     counterexample. Printed are the start, the robustness, and the predicate and the step that it comes from. The trace
-    (.npz, .csv) and its picture are written. Of several cells a table is printed. The exit code is 0 whatever is found,
+    (.npz, .csv) and its picture are written. Several cells give a table. The exit code is 0 whatever is found,
     and 2 if a policy or a task fails.
 
     \b

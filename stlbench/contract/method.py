@@ -14,8 +14,8 @@ from stlbench import stl
 from stlbench.contract.arrays import Array, Integers, Truth
 
 Aim = Literal["recurring", "other", "sum"]
-"""Of a training: a formula with F inside of G, which asks for something again and again; any other one; or the sum of
-an episode's rewards."""
+"""The aim of a training: a formula with F inside of G, which asks for something again and again; any other one; or the
+sum of an episode's rewards."""
 
 
 class Intractable(Exception):

@@ -1,4 +1,4 @@
-"""What surrounds a run: executors, which run cells, and logs, which follow it. Import them from `stlbench.contract`."""
+"""Around a run: executors, which run cells, and logs, which follow it. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def opened(path: Path, *, to_write: bool = False) -> sqlite3.Connection:
 
 
 def unusable(can: str, path: Path, error: OSError | sqlite3.Error) -> UsageError:
-    """What to raise where a ledger cannot be read or written; for a damaged one it says the ways out."""
+    """The error where a ledger cannot be read or written; for a damaged one it says the ways out."""
     failure = unwritable(f"cannot {can} the ledger {path}", error)
     return UsageError(f"{failure}; {way_out(path)}") if is_damaged(error) else failure
 
@@ -187,7 +187,7 @@ def _guarded(uri: str) -> sqlite3.Connection:
 
 
 def _text(data: bytes) -> str:
-    """SQLite takes any bytes for a text. What is no UTF-8 comes to be a text that no row may have."""
+    """SQLite takes any bytes for a text. Bytes that are no UTF-8 become a text that no row may have."""
     return data.decode(errors="backslashreplace")
 
 

@@ -1,4 +1,4 @@
-"""From a formula to plans: events and held conditions at symbolic steps, with linear constraints on these. Each rule
+"""A formula becomes plans: events and held conditions at symbolic steps, with linear constraints on these. Each rule
 is sound by construction.
 
 `_hold` has a formula at every step of an interval, `_some` at one step of it. Every plan that they give implies the

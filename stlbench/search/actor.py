@@ -1,4 +1,4 @@
-"""What a search drives: a policy or a controller by hand that acts in its task, from any start of a space of starts.
+"""The subject of a search: a policy or a controller by hand that acts in its task, from any start of a space of starts.
 
 Each of its points (N, n) stands for a start (N, s) of the simulator.
 """

@@ -154,7 +154,7 @@ def document(about: About, files: Mapping[str, Content], version: str) -> str:
 
 
 class Metadata(NamedTuple):
-    """What a bundle says of itself."""
+    """The facts that a bundle states."""
 
     about: About
     files: Mapping[str, Content]  # by path

@@ -46,7 +46,7 @@ class Episode(NamedTuple):
 
 
 class Played(NamedTuple):
-    """What a stored policy did from the starts of the report."""
+    """The episodes of a stored policy from the starts of the report."""
 
     task: Task
     observation: str
@@ -198,7 +198,7 @@ class _Seen:
         return action
 
     def last(self) -> Array:
-        """What it would be shown at the end."""
+        """Its view at the end."""
         return self.simulator.observe()
 
 

@@ -27,7 +27,7 @@ MORE = 0.01
 differently, and a policy with two nearly equal actions may then take the other one."""
 CLAIMS_MORE, AS_RECORDED = "claims more", "as recorded"
 VERDICTS = (CLAIMS_MORE, "not scored", "within rounding", AS_RECORDED)
-"""What is said of a policy that was scored again, the worst first."""
+"""The verdicts on a policy that was scored again, the worst first."""
 
 
 class Rescored(NamedTuple):

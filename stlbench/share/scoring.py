@@ -38,11 +38,11 @@ On = Literal["observation", "state", "environment"]
 
 @dataclass(frozen=True)
 class Shown:
-    """What a policy is shown."""
+    """The view of a policy."""
 
     on: On | None = None
-    """What agents of stlbench see, (N, D); of a system the states (N, n), and for a function the step counts t (N,); of
-    a task on an environment its own observations (N, d), as they are. None is the first, unless a file contradicts
+    """Agents of stlbench see (N, D); of a system the states (N, n), and for a function the step counts t (N,); of a
+    task on an environment its own observations (N, d), as they are. None is the first, unless a file contradicts
     it."""
     method: Choice = UNKNOWN  # the reward method whose inputs are the end of the observation
 
@@ -81,7 +81,7 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
 
 
 class Played(NamedTuple):
-    """What the referee needs to let a policy act."""
+    """The referee needs this to let a policy act."""
 
     method: RewardMethod
     policy: OnObservation | OnState

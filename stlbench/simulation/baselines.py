@@ -1,4 +1,4 @@
-"""What acts in a task without learning: its controller by hand, the action zero, the best constant action, random
+"""Policies that act without learning: the controller by hand, the action zero, the best constant action, random
 actions.
 
 The referee scores them as policies: from the same starts, with the same `hold`. Nothing is simulated where the
@@ -120,7 +120,7 @@ def zero(task: Task) -> Array:
 
 
 def constants(task: Task, starts: int = _STARTS) -> Constants:
-    """What the action zero and the best constant action get: as the task file states, else measured.
+    """The scores of the action zero and the best constant action: as the task file states, else measured.
 
     The best wins a race, first by satisfaction, from at most `starts` of the starts for selection. All actions of a
     grid of at most 512 race. Else zero, the corners, the middle and random ones do, 32 in all, and then three times 16

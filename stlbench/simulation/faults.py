@@ -29,7 +29,7 @@ class PluginFault(UsageError):
 
 
 def pay(method: RewardMethod, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-    """What `RewardMethod.along` gives: rewards (hold, N), and the memory after them. Raises `PluginFault`."""
+    """The result of `RewardMethod.along`: rewards (hold, N), and the memory after them. Raises `PluginFault`."""
     paid = method.along(samples, action, t, memory)
     if not (isinstance(paid, tuple) and len(paid) == 2):
         _fault(method, f"along gives {_shown(paid)}, the contract says rewards and memory")
@@ -62,7 +62,7 @@ def check_over(method: RewardMethod, over: Truth, count: int) -> None:
 
 
 def check_states(task: Task, states: Array, shape: tuple[int, ...]) -> None:
-    """What a system's `step` or a start gives, (N, n)."""
+    """The states (N, n) of a system's `step` or of a start."""
     _numbers(task, "states", states, shape)
 
 
@@ -155,12 +155,12 @@ def _shaped(owner: RewardMethod | Task, what: str, value: Any, shape: tuple[int,
 
 
 def _finite(values: Array) -> bool:
-    """By their sum, which takes half the time."""
+    """Their sum tells, which takes half the time."""
     return math.isfinite(np.add.reduce(values, None))
 
 
 def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers, names: Sequence[object] = ()) -> None:
-    """Of values (N, steps, ...), tell the first that is not finite, from step t on; maybe only the sum is infinite."""
+    """Tell the first of (N, steps, ...) that is not finite, from step t on; maybe only the sum is infinite."""
     wrong = ~np.isfinite(values)
     if wrong.any():
         row, later, *_ = place = tuple(np.argwhere(wrong)[0].tolist())

@@ -200,7 +200,7 @@ def simulate(
 def score(task: Task, traces: Array, formula: stl.Formula | None = None, *, lasted: Integers | None = None) -> Score:
     """Robustness and Boolean satisfaction of the task's or another formula on traces (N, T + 1, k) at t = 0.
 
-    Of an interval, after an early end, the lower end counts, and satisfied is what every continuation satisfies.
+    After an early end the lower end of an interval counts: satisfied means so by every continuation.
     `lasted` (N,) is that of `Episodes`; without it, the share of early ends is unknown.
     """
     formula = task.formula if formula is None else formula

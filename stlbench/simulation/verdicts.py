@@ -1,4 +1,4 @@
-"""What a verdict means: that of an episode which the environment ends early, and why a trace has its robustness.
+"""The meaning of a verdict: that of an episode which the environment ends early, and why a trace has its robustness.
 
 Unless the last sample stays (`hold`), traces have NaN after it.
 """
@@ -19,7 +19,7 @@ from stlbench.task.task import Task
 
 
 class Verdicts(NamedTuple):
-    """Of n traces. The two ends of an interval are equal wherever a trace is complete."""
+    """For n traces. The two ends of an interval are equal wherever a trace is complete."""
 
     robustness: Array  # (n, 2): the least and the greatest over all continuations
     satisfied: Truth  # (n, 2): whether all continuations satisfy, and whether some do
@@ -66,7 +66,7 @@ def last_steps(traces: Array) -> Integers:
 
 @dataclass(frozen=True)
 class EarlyEnds:
-    """What a method pays for an episode that its environment ends before step T."""
+    """The pay of a method for an episode that its environment ends before step T."""
 
     method: RewardMethod
     terminated: EarlyEnd
@@ -75,12 +75,12 @@ class EarlyEnds:
 
     @property
     def _once_and_each(self) -> tuple[float, float]:
-        """What is paid at the end, and at each step that is left, unless the last sample stays."""
+        """The pay at the end, and at each step that is left, unless the last sample stays."""
         floor = self.method.floor if self.terminated == "violated" else 0.0
         return (floor, 0.0) if self.method.can_end else (0.0, floor)
 
     def sum_left(self, last: Array, action: Array, t: int, memory: Array, discount: float = 1.0) -> float:
-        """What the steps after step t, 1..T, are paid in one sum, discounted, in the method's unit; 0 at the last step.
+        """The pay of the steps after step t, 1..T, in one sum, discounted, in the method's unit; 0 at the last step.
 
         `last` (k,) is the sample at t, `action` (1, axes) the last one, `memory` (1, m) that at t.
         """
@@ -118,7 +118,7 @@ ENDED, OPEN = "ended early", "ended early, verdict open"  # in the place of the 
 
 
 class Loss(NamedTuple):
-    """What a violating trace lost first."""
+    """The conjunct that a violating trace lost first."""
 
     conjunct: stl.Formula
     step: int  # from this sample on, no continuation of the trace could satisfy the conjunct any more

@@ -84,12 +84,12 @@ def scaled_times(steps: int) -> Array:
 
 
 def time_and_inputs(method: RewardMethod, times: Array, t: Integers, memory: Array) -> list[Array]:
-    """What follows the numbers of the task: the scaled times (N, 1), and the inputs (N, i) of a method with memory."""
+    """Columns after the numbers of the task: the scaled times (N, 1), and the inputs (N, i) of a method with memory."""
     return [times[t], method.inputs(memory)] if method.memory_size else [times[t]]
 
 
 class Moment(NamedTuple):
-    """What observations of n copies are made of, each at its own time. Moments can be joined."""
+    """The parts of observations of n copies, each at its own time. Moments can be joined."""
 
     features: Array  # (n, d), of the world
     signals: Array  # (n, k)
@@ -104,7 +104,7 @@ class Moment(NamedTuple):
 
 
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
-    """What policies see of a task, with the inputs of a method; `name` is what users call the method."""
+    """The view that policies have of a task, with the inputs of a method; `name` is what users call the method."""
     shown = Observation.beside(task.file.steps, method.input_size, name, task.name)
     names: tuple[str, ...] = ()
     if isinstance(task.dynamics, GymTask):

@@ -19,7 +19,7 @@ _SEED = 1
 
 
 class Outlook(NamedTuple):
-    """What a policy reaches from fresh starts."""
+    """The results of a policy from fresh starts."""
 
     starts: int
     satisfied: int

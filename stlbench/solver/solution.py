@@ -1,4 +1,4 @@
-"""What came of `stlbench solve`: a policy that acts on an environment's own observations, and its certificate."""
+"""The result of `stlbench solve`: a policy that acts on an environment's own observations, and its certificate."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Acting:
         return self._vector[0].copy()
 
     def _read(self, observation: Any, info: Mapping[str, Any]) -> tuple[Array, Array]:
-        """What the policy sees of the observation (1, d), and the signals (1, k)."""
+        """The policy's view of the observation (1, d), and the signals (1, k)."""
         dynamics = self.task.dynamics
         if isinstance(dynamics, System):
             state = np.asarray(observation, dtype=np.float64)[None]
@@ -93,7 +93,7 @@ class Acting:
 
 @dataclass(frozen=True)
 class Solution:
-    """What came of `stlbench.solve`.
+    """The result of `stlbench.solve`.
 
     Attributes:
         folder: with the policy, the task file, the certificate and the page.

@@ -4,7 +4,7 @@
 A method's *runs* are one array for each task, with one normalised score for each seed. A bootstrap draws seeds anew
 within each task, and never tasks: intervals are for these tasks alone.
 
-Of a sample of tasks (`sample_mean` and its like), intervals are for all tasks of this kind. Those of scores come from a
+Intervals of a sample of tasks (`sample_mean` and its like) are for all tasks of this kind. Those of scores come from a
 hierarchical bootstrap: a resample draws tasks, and then seeds of each task that it drew. Resamples do not hold what no
 task of the sample shows, such as rare learning. So shares of seeds, which have bounds, have intervals that need no
 resamples. `studies/interval_coverage.py` measures the coverage of all.

@@ -137,7 +137,7 @@ def _operands(node: AnyNode) -> tuple[AnyNode, ...]:
 
 
 def _signed(node: Connective, parts: list[T], opposite: Callable[[T], T]) -> list[T]:
-    """What the operands have, or the opposite where the negation of an operand counts."""
+    """The bounds of the operands, or the opposite where the negation of an operand counts."""
     return [opposite(part) if sign else part for (_, sign), part in zip(node.signed, parts, strict=True)]
 
 

@@ -53,7 +53,7 @@ class Reenactment:
 
 
 class LoadedPolicy(NamedTuple):
-    """What the referee needs to let a stored policy act: `record(kept.task, kept.method, kept.policy, states)`."""
+    """The referee needs this to let a stored policy act: `record(kept.task, kept.method, kept.policy, states)`."""
 
     task: Task  # as the cell's track and recipe have it
     method: RewardMethod  # gives the policy the inputs that it was trained with

@@ -1,4 +1,4 @@
-"""What might explain a result without being part of its key: versions, machine, jobs beside it, time."""
+"""Facts that might explain a result without being part of its key: versions, machine, jobs beside it, time."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def run(
     """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
     ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. The same holds for a full disk,
-    and for an executor that fails, which raise `UsageError`. What `run_cell` raises becomes a result. `accepted` may
+    and for an executor that fails, which raise `UsageError`. An error of `run_cell` becomes a result. `accepted` may
     replace the result of a cell.
     """
     with closing(outcomes(executor, run_cell, cells, [cell.deadline for cell in cells])) as ended:
@@ -121,7 +121,7 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
 
 @contextmanager
 def failing(executor: Executor | str) -> Iterator[None]:
-    """What an executor raises, or one of that name, is a `UsageError`."""
+    """An error of an executor, or one of that name, is a `UsageError`."""
     try:
         yield
     except UsageError:

@@ -219,7 +219,7 @@ class Study(BaseModel):
         return self.results if self.shard is None else self.results / self.shard.folder
 
     def cells(self) -> tuple[Cell, ...]:
-        """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
+        """The cells to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
         from stlbench.study.cell import read_recipes
         from stlbench.study.initial import Initial
         from stlbench.study.plan import plan_cells  # imports tasks, which the options of a command do without
@@ -282,7 +282,7 @@ _READ: Mapping[Callable[..., Any], JsonSchemaValue] = {
     read_seeds: {"anyOf": [_WHOLE, _TEXT, {"type": "array", "items": _WHOLE}]},
     accidents_of: _NAMES,
 }
-"""What a file has where a function of ours reads it."""
+"""The value in a file where a function of ours reads it."""
 
 
 class _Schema(GenerateJsonSchema):

@@ -283,7 +283,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial:
 
 
 def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment) -> Planned | None:
-    """What the policy of an agent that plans expects from the report's starts; None for one that learns."""
+    """The value that the policy of an agent that plans expects from the report's starts; None for one that learns."""
     if agent.plans is None:
         return None
     values = policy.value(assessment.states[:, 0]) if isinstance(policy, StatePolicy) else np.nan

@@ -186,7 +186,7 @@ class Episodes:
         return rewards, over, complete
 
     def _left(self, row: int, action: Array) -> float:
-        """What the steps after an early end are paid, in the method's unit."""
+        """The pay of the steps after an early end, in the method's unit."""
         t, scoring = int(self.t[row]), self._scoring
         ends = EarlyEnds(scoring.method, scoring.terminated)
         paid = ends.sum_left(self._samples[row, t], action, t, self._memory[[row]], scoring.discount)
@@ -222,7 +222,7 @@ class Episodes:
         return {"signals": signals[:, None], "t": self.t, "env_reward": own, **verdict}
 
     def observe(self) -> Array:
-        """What a policy sees after the numbers of the environment, (N, 1 + inputs)."""
+        """The columns of an observation after the numbers of the environment, (N, 1 + inputs)."""
         method = self._scoring.method
         parts = time_and_inputs(method, self._times, self.t, self._memory)
         for inputs in parts[1:]:

@@ -59,7 +59,7 @@ class StlParallelEnv(ParallelEnv[str, Single, Any], EzPickle):
         self.action_spaces = dict(zip(robots, self._spaces(), strict=True))
 
     def observation_space(self, agent: str) -> Space[Single]:
-        """What a robot sees: the features of the joint state, the time, the method's inputs; the same for all."""
+        """The view of a robot: the features of the joint state, the time, the method's inputs; the same for all."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Space[Any]:

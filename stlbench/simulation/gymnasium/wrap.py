@@ -91,7 +91,7 @@ def wrap(
         method: a reward method by name, with or without parameters, "funnel" or "flag[beta=10]"; "auto" for
             the first that fits the formula, of flag (only where F is inside of G), funnel, raw, others; or a class, or
             any other callable from a `stlbench.contract.Specification` to a `RewardMethod`.
-        ranges: signal -> (low, high), about what it takes, in its unit. What methods scale their rewards by.
+        ranges: signal -> (low, high), about what it takes, in its unit. Methods scale their rewards by it.
         signals: signal -> expression over entries of the observation that have `names`, and over entries of the info,
             in the grammar that formulas have: {"theta": "atan2(y, x)"}. Or a function from observation and info of one
             environment to signal -> number, which a vector environment calls for each copy. Where left out, each signal

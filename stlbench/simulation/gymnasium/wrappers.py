@@ -203,7 +203,7 @@ def _check_actions(space: Space[Any]) -> None:
 
 
 def _own(rewards: Any, count: int) -> Array:
-    """What the environment itself paid its copies (N,); NaN where a reward is not one number, as nothing needs it."""
+    """The environment's own reward of its copies (N,); NaN where a reward is not one number, as nothing needs it."""
     try:
         each = np.asarray(rewards, dtype=np.float64).reshape(count, -1)
     except (TypeError, ValueError):

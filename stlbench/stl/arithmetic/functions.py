@@ -91,7 +91,7 @@ def _quotient(left: Any, right: Any) -> Any:
 
 
 def _power(ranges: Ranges) -> Range:
-    """Of a constant exponent."""
+    """For a constant exponent."""
     base, (exponent, _) = ranges
     return interval.power(base, float(exponent))
 

@@ -28,7 +28,7 @@ Remedy: TypeAlias = str | Callable[[re.Match[str]], str | None]
 
 
 def remedy(line: str, column: int, otherwise: str | None = None) -> str | None:
-    """What to write in a line of a formula that is wrong at `column`, from 1: for a notation of the table, `otherwise`,
+    """The remedy for a line of a formula that is wrong at `column`, from 1: for a notation of the table, `otherwise`,
     or for a signal with the name of a word."""
     start = max(0, column - 1 - _NEAR)  # long lines would cost their square
     line, at = line[start : column - 1 + _NEAR], column - 1 - start

@@ -46,7 +46,7 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
     A table with named columns is read by these names, and so is one row of it.
 
     Args:
-        read: the signals that must be numbers; all where left out. What is no number elsewhere becomes NaN.
+        read: the signals that must be numbers; all where left out. Other values that are no numbers become NaN.
 
     Raises:
         TypeError: text, complex numbers, dates, or a masked array, whose mask NumPy would drop.

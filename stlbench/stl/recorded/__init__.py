@@ -56,7 +56,7 @@ def robustness(formula: Formula, trace: ArrayLike, names: Sequence[str], policy:
     Args:
         formula: any formula; intervals in steps. An operator without one reads to the end of the trace.
         trace: (..., T+1, k) floats in the signals' units, or a table (T+1, k), which is read by the names of its
-            columns. What the formula does not read may be NaN.
+            columns. Samples that the formula does not read may be NaN.
         names: the k signals, in the order of the last axis.
         policy: for T < horizon: `strict` is an error; `clip` cuts windows at T as rtamt does (an empty window is +inf
             for G and -inf for F and U). See `robustness_bounds` for a trace that is not over.

@@ -146,7 +146,7 @@ class Operator(Leaf):
         return values
 
     def read(self, now: Steps, samples: Floats) -> Any:
-        """What `take` needs of the next samples (n, k): changes nothing, and raises UndefinedError with the trace."""
+        """The part of the next samples (n, k) that `take` needs; it changes nothing. UndefinedError has the trace."""
         raise NotImplementedError
 
     def take(self, now: Steps, value: Any) -> None:
