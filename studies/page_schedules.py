@@ -10,7 +10,7 @@ from recorded import Row, markdown
 
 from stlbench_tasks.suite.templates import TEMPLATES
 
-METHODS = ("raw", "funnel", "funnel[variant=code]", "cfer", "flag")
+METHODS = ("raw", "funnel", "funnel[variant=code]", "cfer", "flag", "bhnr")
 ENOUGH = 0.95
 """A task is learned if the policy satisfies it from this share of the random starts, in both seeds."""
 

@@ -13,7 +13,14 @@ from stlbench.records.result_files import LINES
 from stlbench.registry import named_tasks, plugins
 
 ROOT = Path(__file__).parents[2]
-REPORTED = {"suite-fresh-schedules", "suite-schedules", "suite-schedules-long", "suite-quick", "suite-search"}
+REPORTED = {
+    "suite-fresh-schedules",
+    "suite-schedules",
+    "suite-schedules-long",
+    "suite-quick",
+    "suite-counters",
+    "suite-search",
+}
 REPORTED |= {"suite-core", "suite-overlap", "suite-fresh"}
 """Studies that report, and develop nothing. Their results are in the folder of the same name."""
 TABLES = {"suite-fresh"}
