@@ -39,7 +39,7 @@ half as many starts; below the second, twice as many."""
 _RACING = ((2, 0.3), (1, 1.0))
 """So many runs, by turns, up to this share of the budget."""
 _RESUMED = 0.2
-"""Of the spread, where a search starts from an earlier policy."""
+"""The share of the spread where a search starts from an earlier policy."""
 _LAST = 10
 """Generations that say what a run is worth."""
 _FULL = 200
@@ -135,24 +135,24 @@ class Family:
 
     @cached_property
     def middle(self) -> Array:
-        """Of each axis: (axes,)."""
+        """The middle of each axis: (axes,)."""
         middle: Array = (np.array(self.actions.low) + np.array(self.actions.high)) / 2
         return middle
 
     @cached_property
     def half(self) -> Array:
-        """Of the range of each axis: (axes,)."""
+        """Half of the range of each axis: (axes,)."""
         half: Array = (np.array(self.actions.high) - np.array(self.actions.low)) / 2
         return half
 
     @cached_property
     def times(self) -> Array:
-        """Of the knots, in [-1, 1]."""
+        """The times of the knots, in [-1, 1]."""
         return np.linspace(-1, 1, self.knots)
 
     @property
     def spreads(self) -> Array:
-        """Of the numbers of a policy, over that of its course."""
+        """The spreads of the numbers of a policy, over that of its course."""
         spreads = np.ones(self.shape)
         spreads[:, : self.inputs] = _GAIN / np.sqrt(self.inputs)
         return spreads
@@ -205,7 +205,7 @@ class Family:
         return GreedyPolicy(network, [*hidden, *last])
 
     def knots_of(self, policy: Policy) -> int:
-        """Of the course of a policy, if `policy` made it."""
+        """The knots of a policy's course, if `policy` made it."""
         if isinstance(policy, ActorPolicy):
             hidden = len(policy.layers[0][1])
         else:
@@ -216,7 +216,7 @@ class Family:
         return max(2, hidden - 2 * self.inputs + 1)
 
     def numbers(self, policy: Policy) -> Array:
-        """Of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""
+        """The numbers of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""
         if isinstance(policy, ActorPolicy):
             layers = policy.layers
             matrix, bias = layers[-1]
@@ -312,7 +312,7 @@ class _Run:
         return np.stack(self._asked).reshape(-1, *self._shape)
 
     def tell(self, values: Array) -> None:
-        """What they are worth (P,)."""
+        """Their worth (P,)."""
         self._evolution.tell(self._asked, (-values).tolist())
         self._worths.append(float(values.mean()))
 
@@ -323,7 +323,7 @@ class _Run:
 
     @property
     def mean(self) -> Array:
-        """Of the distribution: (axes, d + knots)."""
+        """The mean of the distribution: (axes, d + knots)."""
         return np.array(self._evolution.mean).reshape(self._shape)
 
 

@@ -136,7 +136,7 @@ def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
 
 
 def _started(code: Vectors, bias: ir.Value, rows: ir.Value, vectors: int) -> list[ir.Value]:
-    """What the sums of a row begin with: the bias, or 0 where it has no rows."""
+    """The first values of the sums of a row: the bias, or 0 where it has no rows."""
     builder = code.builder
     zeros = builder.bitcast(cgutils.alloca_once_value(builder, code.zero), BYTE_POINTER)
     is_empty = builder.icmp_signed("==", rows, INT64(0))

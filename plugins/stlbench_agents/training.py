@@ -202,7 +202,7 @@ class CompiledAgent(Agent):
 
 
 class LockStepLearner(Protocol):
-    """What is trained."""
+    """The learner that is trained."""
 
     def act(self, observation: Array) -> Any:
         """The environment's actions at observations (N, D): exploring ones, of the next step."""

@@ -118,7 +118,7 @@ CHECK_SECONDS = 2.0  # between two checks whether a slot is stuck, at most
 STARTS = 3  # how many servers are started in place of one that ends or hangs before its supervisors are there
 
 UNTAKEN = f"{STARTS} worker processes, one after the other, ended or hung before they took it"
-"""Of an item for which no slot has a supervisor any more."""
+"""The reason for an item for which no slot has a supervisor any more."""
 
 GRACE_SECONDS = 30.0  # a supervisor that is silent so long after the deadline of its item is killed
 STOP_SECONDS = 10.0  # supervisors may take so long to end what runs

@@ -200,7 +200,7 @@ class ActionSet:
 
     vectors: Array  # (A, axes)
     choices: Integers | Array
-    """What a policy returns for each action: an index (A,) into the task's grid of actions, or the vector."""
+    """The return of a policy for each action: an index (A,) into the task's grid of actions, or the vector."""
 
     def __len__(self) -> int:
         return len(self.vectors)

@@ -32,7 +32,7 @@ class Margin(NamedTuple):
     least: bool
 
     def extreme(self, margins: Array) -> Array:
-        """Of samples (N, H): (N,)."""
+        """For samples (N, H): (N,)."""
         chosen = margins[:, np.frombuffer(self.active, np.bool_)]
         extreme: Array = chosen.min(axis=1) if self.least else chosen.max(axis=1)
         return extreme

@@ -36,7 +36,7 @@ from stlbench.tracks.haste import too_fast
 
 
 def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, Any]:
-    """What is known of these methods on drawn formulas of the same form; they are on the track auto."""
+    """The evidence on these methods from drawn formulas of the same form; they are on the track auto."""
     trained = [
         evidence.Trained(traits(stl.parse(each.formula)), each.scores)
         for plugin in plugins.available("suites").values()
@@ -58,7 +58,7 @@ def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, An
 
 
 def evidence_text(drawn: Mapping[str, Any]) -> str | Table:
-    """What `drawn_evidence` found, with the advice that follows."""
+    """The result of `drawn_evidence`, with the advice that follows."""
     form = ", ".join(drawn["form"]) or "one goal"
     if not drawn["methods"]:
         return (
@@ -137,7 +137,7 @@ def advise(
 
 
 def _alone(text: str) -> Specification:
-    """What methods are told of a formula without a task."""
+    """The specification for methods of a formula without a task."""
     try:
         formula = stl.parse(text)
     except (TypeError, ValueError) as error:
@@ -178,7 +178,7 @@ def _facts(
 
 
 def _schedule(task: Task | Specification) -> Specification | str | None:
-    """What methods are told of a formula's schedule; why it has none; None where it is one already.
+    """The specification for methods of a formula's schedule; why it has none; None where it is one already.
 
     A formula without a task has no starts: they are in the middle of the ranges.
     """

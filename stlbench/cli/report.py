@@ -187,7 +187,7 @@ def _write_page(report: Report, find: stored.Find, folder: Path, out: Path | Non
 
 
 def references_of(groups: Sequence[Group]) -> dict[str, References]:
-    """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
+    """The scores to compare each task's policies with. Some seconds for a task on a MuJoCo model."""
     from rich.console import Console
 
     unknown = {name for name in (group.setting.task.name for group in groups) if plugins.known("tasks", name) is None}

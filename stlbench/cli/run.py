@@ -198,7 +198,7 @@ def tune(
 ) -> None:
     """Find a recipe for each method on each task, with the same number of trials for all, for `run --track tuned`.
 
-    What may be tuned is said by the agent, the same for every method: discount, rewards in a return, learning rate, how
+    The agent says what may be tuned, the same for every method: discount, rewards in a return, learning rate, how
     long an action is held. The first trial is the task's shared recipe. Trials are compared on the starts that are
     kept for selection, and on seeds that are not reported. DIR/recipes.yaml has the recipes, DIR/trials.csv all trials.
     The same command again runs only what is missing; with more trials it goes on.

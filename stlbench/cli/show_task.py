@@ -34,7 +34,7 @@ from stlbench.tracks.haste import too_fast
 from stlbench.tracks.references import at_random, by_hand, constant_actions, differences
 
 _AS_STATED = ("title", "source", "notes", "steps", "sampling_time", "hold", "starts", "robots", "agents")
-"""What the facts have as the task file states it."""
+"""The facts as the task file states them."""
 
 
 def task_facts(task: Task, track: Track) -> dict[str, Any]:
@@ -157,7 +157,7 @@ def _method(task: Task, name: str) -> dict[str, Any]:
 
 
 def _safe(told: Any) -> Any:
-    """What a plugin says, numbers, texts or lists, with texts that are safe to show."""
+    """A plugin's numbers, texts or lists, with texts that are safe to show."""
     if isinstance(told, Mapping):
         return {safe_line(str(name)): _safe(part) for name, part in told.items()}
     if isinstance(told, list | tuple):

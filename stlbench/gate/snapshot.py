@@ -86,7 +86,7 @@ class Metric:
         return self.gain is speed
 
     def written(self, value: float | None) -> object:
-        """Of a cost four digits; of the others all, so that equal results are seen to be equal."""
+        """A cost has four digits; of the others all, so that equal results are seen to be equal."""
         return f"{value:.4g}" if self.is_cost and value is not None else value
 
     def change(self, gain: float) -> float:

@@ -63,7 +63,7 @@ def is_lines(path: Path) -> bool:
 
 
 def entries(path: Path) -> Iterator[Result | Lacking]:
-    """The last line of each cell of a file, in the order of these lines. Of no cell that was taken out.
+    """The last line of each cell of a file, in the order of these lines. No cell that was taken out has one.
 
     A line that was cut at the end of the file, as by a kill, is left out with a `LedgerWarning`. Raises `UsageError` if
     any other line is none of a result, or the file cannot be read.

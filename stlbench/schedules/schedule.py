@@ -82,8 +82,8 @@ def _goals_and_terms(schedule: Schedule, regions: Regions) -> tuple[int, int]:
 def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Array) -> Schedule | None:
     """The schedule whose windows leave the most time after witnesses have met them; None where there is none.
 
-    Of those that leave nearly as much, it has the fewest goals, then the fewest terms. A witness is left out where no
-    windows serve it and those before it.
+    Where several leave nearly as much, it has the fewest goals, then the fewest terms. A witness is left out where
+    no windows serve it and those before it.
 
     Args:
         formula, regions, hold, last: as for `schedules`.
@@ -112,7 +112,7 @@ def _around(programmes: Sequence[Programme], regions: Regions, traces: Array) ->
 
 
 def _programmes(formula: Formula, regions: Regions, hold: int, last: int) -> list[Programme]:
-    """Of the alternatives whose events are possible. Raises `UnscheduledError` where there are none."""
+    """The programmes of alternatives with possible events. Raises `UnscheduledError` where there are none."""
     found_plans = plans(formula, last)
     possible = [plan for plan in found_plans if all(regions.possible(event.psi) for event in plan.events)]
     if not found_plans:
@@ -124,7 +124,7 @@ def _programmes(formula: Formula, regions: Regions, hold: int, last: int) -> lis
 
 
 def _timed(formula: Formula, regions: Regions, hold: int, last: int, share: float) -> list[tuple[Plan, Times]]:
-    """The alternatives that have times. Of very many, or hard ones, those are searched that may be fastest."""
+    """The alternatives that have times. The search begins with those that may be fastest, and may end before all."""
     programmes = _programmes(formula, regions, hold, last)
     bounds = [(bound, place) for place, each in enumerate(programmes) if (bound := each.bound) is not None]
     if not bounds:
@@ -144,8 +144,9 @@ def _timed(formula: Formula, regions: Regions, hold: int, last: int, share: floa
 def pursued(terms: Sequence[Term], regions: Regions) -> tuple[Term, ...]:
     """The terms without those that a robot could keep by waiting alone, before a goal whose condition they exclude.
 
-    Of G[0,20] !A & F[21,50] A it is F[0,50] A. A robot pursues A from step 0, and no cost stands where its goal is. The
-    result is weaker: a robot that is at A too early satisfies it. The times are such that it need not be (`Programme`).
+    For G[0,20] !A & F[21,50] A it is F[0,50] A. A robot pursues A from step 0, and no cost stands where its goal is.
+    The result is weaker: a robot that is at A too early satisfies it. The times are such that it need not be
+    (`Programme`).
     """
     goals = [term for term in terms if term.kind != "G"]
     kept = list(terms)

@@ -23,10 +23,10 @@ _TOLERANCE = 1e-6
 _FAST = 1.6
 """So many times the pace a robot may have without having to wait for what is excluded before a goal."""
 _HELD_COST = 0.5
-"""Of what is held, a step costs so much of what a step in the width of a window is worth."""
+"""A held step costs this share of what a step in the width of a window is worth."""
 
 _EARLY = 1e-5
-"""Of windows of the same widths the earliest count, whatever the solver prefers: a step later costs so much."""
+"""The cost of a step later. The earliest of equally wide windows count, whatever the solver prefers."""
 
 _Item = Event | Held
 Flags = NDArray[np.bool_]
@@ -129,7 +129,7 @@ class Programme:
 
     @cached_property
     def ways(self) -> list[_Rows]:
-        """Of each pair both orders, one after the other: 2 k is the first item of pair k before the second."""
+        """Both orders of each pair, one after the other: 2 k is the first item of pair k before the second."""
         items = [(self.items[i], self.items[j]) for i, j in self.pairs]
         return [_Rows.of(self._apart(*each)) for pair in items for each in (pair, pair[::-1])]
 
@@ -194,7 +194,7 @@ class Programme:
         return None if found is None else self._settled(found, share)
 
     def _possible(self) -> Flags:
-        """Of each way, whether the rows leave room for it at any pace."""
+        """Whether the rows leave room for each way, at any pace."""
         count = self.plan.variables + 1
         longest = np.full((count, count), -np.inf)
         longest[-1] = 0.0  # no variable is below 0
@@ -278,7 +278,7 @@ class Programme:
         return Times(max(0.0, pace), tuple(values.tolist()))
 
     def _early(self, solved: _Point) -> list[_Row]:
-        """What is excluded until an event ends so soon that a robot of `_FAST` times the pace need not wait for it.
+        """Rows by which exclusions before an event end so soon that a robot of `_FAST` times the pace need not wait.
 
         A method pays for being near a goal at once, so a robot arrives as soon as it can. It does not learn to wait.
         """
@@ -308,13 +308,13 @@ class Programme:
         return (*order, *(2 * rest + ~self._are_apart(solved)[rest, 0]).tolist())
 
     def _open(self, order: Sequence[int]) -> Flags:
-        """Of each pair, whether its order is not decided."""
+        """Whether the order of each pair is open."""
         found = np.ones(len(self.pairs), dtype=bool)
         found[np.array(order, dtype=np.int64) // 2] = False
         return found
 
     def _are_apart(self, solved: _Point) -> Flags:
-        """Of each pair, whether its items are apart in a solution, in the one order and in the other (n, 2)."""
+        """Whether the items of each pair are apart in a solution, in the one order and in the other (n, 2)."""
         if not self.pairs:
             return np.ones((0, 2), dtype=bool)
         rows, starts = self._all_ways

@@ -1,5 +1,5 @@
-"""What a user names as a policy: a stored cell, a function, a model of SB3, ONNX or PyTorch, or recorded traces, in
-the place of whatever acted.
+"""The names that a user gives a policy: a stored cell, a function, a model of SB3, ONNX or PyTorch, or recorded
+traces in its place.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Source:
 
     @property
     def digest(self) -> str:
-        """Of the file, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
+        """The file's, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
         if self.kind == "function":
             from_here()
             return fingerprint(self.text.partition(":")[0])

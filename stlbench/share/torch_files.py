@@ -40,7 +40,7 @@ class Layers:
     activation: str  # one of `ACTIVATIONS`
 
     def outputs(self, observation: Array) -> Array:
-        """Of observations (N, D): (N, outputs), computed in the precision of the weights."""
+        """For observations (N, D): (N, outputs), computed in the precision of the weights."""
         between, x = ACTIVATIONS[self.activation], observation.astype(self.parts[0][0].dtype)
         for matrix, bias in self.parts[:-1]:
             x = between(x @ matrix.T + bias)
@@ -149,7 +149,7 @@ _FORMS = (
 def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = True) -> Callable[[Array], Any]:
     """The deterministic policy of a model that SB3 saved: DQN, TD3, DDPG, SAC, PPO or A2C, with an `MlpPolicy`.
 
-    Of numbers alone, a `MultiInputPolicy` is the same: it flattens a Dict as Gymnasium does. Unless the user has
+    A `MultiInputPolicy` of numbers alone is the same: it flattens a Dict as Gymnasium does. Unless the user has
     `declared` what is shown, the file's observation space must not contradict it. Raises `UsageError` if torch is
     missing, or the file is no such model, or it does not fit the task, or a weight is no finite number.
     """

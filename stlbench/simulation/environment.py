@@ -112,7 +112,7 @@ def first_end(ends: Sequence[End], samples: Array, t: Integers) -> tuple[Truth, 
 
 
 class Steps(NamedTuple):
-    """What happened while one action was held."""
+    """The events while one action was held."""
 
     reward: Array  # (N,), the mean of the method's rewards over the steps
     samples: Array  # (N, hold, k): the signals after each step
@@ -157,11 +157,11 @@ class Simulator:
             self.memory[rows] = faults.check_memory(self.method, self.method.initial_memory(self.signals[rows], t), t)
 
     def observe(self) -> Array:
-        """What a policy sees: the task's features, the time, the inputs: (N, D)."""
+        """The view of a policy: the task's features, the time, the inputs: (N, D)."""
         return self.observed(self.moment())
 
     def moment(self, rows: Integers | Truth | None = None, t: Integers | None = None) -> Moment:
-        """What the observations of all copies, or of some, are made of: at their own time, or at t (N,)."""
+        """The parts of the observations of all copies, or of some: at their own time, or at t (N,)."""
         t = self.t if t is None else t
         parts = (self.world.features(t), self.world.signals, t, self.memory)
         return Moment(*parts if rows is None else (part[rows] for part in parts))
@@ -187,7 +187,7 @@ class Simulator:
         return Steps(reward, samples[1:].transpose(1, 0, 2))
 
     def paid(self, samples: Array, vectors: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """What the method pays for samples (hold + 1, N, k) from a memory on, the mean (N,), and the memory after."""
+        """The method's mean reward (N,) for samples (hold + 1, N, k) from a memory on, and the memory after."""
         rewards, memory = faults.pay(self.method, samples, vectors, t, memory)
         mean: Array = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
         return mean, memory
@@ -233,7 +233,7 @@ class _Past:
         self._samples[np.arange(len(t))[:, None], at] = samples
 
     def lost(self, ended: Truth, t: Integers) -> Truth:
-        """Of the copies (N,) that ended at steps t (N,), those (N,) that violate with the last sample held."""
+        """Those copies (N,) that ended at steps t (N,) and violate with the last sample held."""
         lost, rows = ended.copy(), np.flatnonzero(ended)
         held = np.minimum(np.arange(self._samples.shape[1]), t[rows, None])
         lost[rows] = ~stl.satisfied(self._formula, self._samples[rows[:, None], held], self._names)

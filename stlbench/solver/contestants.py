@@ -38,7 +38,7 @@ def rank(result: Result) -> tuple[float, float]:
 
 
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
-    """Results of the final training and of the race. Of equal shares of starts, the final training's come first."""
+    """Results of the final training and of the race. Those of the final training come first where shares are equal."""
     trained = [*sorted(finals, key=rank, reverse=True), *sorted(race, key=rank, reverse=True)]
     return sorted(trained, key=lambda result: rank(result)[0], reverse=True)
 
@@ -133,7 +133,7 @@ def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Cont
 
 
 def _reasons(task: Task) -> Iterator[str]:
-    """What each method says of a task that it does not fit, such as the operator that it does not know."""
+    """The reason of each method that does not fit a task, such as an operator that it does not know."""
     for name in plugins.available("methods"):
         try:
             build_method(task, name)

@@ -39,13 +39,13 @@ from stlbench.task.task import Task
 from stlbench.tracks.references import references
 
 _SHARE = 0.05
-"""Of the time, for the episodes of the certificate, and as many for those of the search for a counterexample."""
+"""The share of the time for the episodes of the certificate. The search for a counterexample has as many."""
 _MOST, _FEWEST, _TIMED = 1000, 100, 16  # starts of the certificate, and those by which an episode is timed
 
 
 @dataclass(frozen=True)
 class Delivery:
-    """What is delivered of trainings."""
+    """The files that come of trainings."""
 
     workspace: Workspace
     problem: Problem
@@ -63,7 +63,7 @@ class Delivery:
 
     @property
     def folder(self) -> Path:
-        """Of everything."""
+        """The folder of all files."""
         return self.workspace.folder
 
     @property
@@ -174,7 +174,7 @@ class Delivery:
     # ------------------------------------------------------------------------------------------------------- the text
 
     def _notes(self, facts: Mapping[str, Any]) -> list[str]:
-        """What the user should know of the problem, without doubts that the policy refutes."""
+        """Notes on the problem, without doubts that the policy refutes."""
         return [*(() if facts["probability"] >= LEARNED else self.workspace.doubts), *self.workspace.notes]
 
     def _text(
@@ -201,7 +201,7 @@ class Delivery:
             yield f"- `{path.name}`"
 
     def _comparison(self) -> Iterator[str]:
-        """What the final training reached, so that one lucky seed does not hide another."""
+        """The results of the final training, so that one lucky seed does not hide another."""
         finals = [result for result in self.trained if result.id.budget == FINAL and result.measurement is not None]
         shares = {result.id.seed: rank(result)[0] for result in finals}
         each = ", ".join(f"seed {seed} {100 * share:.0f} %" for seed, share in sorted(shares.items()))

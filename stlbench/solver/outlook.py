@@ -1,6 +1,6 @@
 """Whether a certificate can still rise: a look at a policy from fresh starts, which are not those of the certificate.
 
-A policy that satisfies from all starts for selection may fail from others. From some starts nothing can satisfy.
+A policy that satisfies from all starts for selection may fail from others. Nothing can satisfy from some starts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from stlbench.records.result import Result
 from stlbench.search.actor import of_cell, space_of
 
 _SEED = 1
-"""Of the fresh starts; those of a certificate have another."""
+"""The number of fresh starts; those of a certificate have another."""
 
 
 class Outlook(NamedTuple):
@@ -41,7 +41,7 @@ class Outlook(NamedTuple):
 
 
 def outlook(folder: Path, result: Result, starts: int) -> Outlook:
-    """Of the selected policy of a cell, from so many starts. Raises `UsageError` where it cannot act."""
+    """The outlook of a cell's selected policy, from so many starts. Raises `UsageError` where it cannot act."""
     actor = of_cell(folder, result)
     space = space_of(actor.task)
     played = actor.play(space.draw(np.random.default_rng(_SEED), 1 if space.single else starts))

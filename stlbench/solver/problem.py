@@ -1,5 +1,5 @@
-"""What is to be solved, and what its task file says: from an environment and a formula, with all that is wrong said,
-also that no episode can satisfy the formula.
+"""The problem to solve, and the content of its task file: from an environment and a formula. All that is wrong
+is said, also that no episode can satisfy the formula.
 
 Each rule is sound: a reason is a proof, as far as the ranges are true. None proves nothing.
 """
@@ -88,7 +88,7 @@ def _holds_nowhere(psi: Formula, box: Box) -> bool:
 
 
 def _demands(formula: Formula, begin: int, end: int, throughout: bool) -> Iterator[_Demand]:
-    """What follows from a formula that holds at all the samples begin..end, or at one of them."""
+    """The consequences of a formula that holds at all the samples begin..end, or at one of them."""
     if not stl.is_temporal(formula):
         yield _Demand(formula, begin, end, throughout)
         return
@@ -153,14 +153,14 @@ _BY_HAND = {
     *("notes", "rewarded", "nested", "schedule", "schedules", "training", "features"),
     *("best_known", "baselines", "protocols", "budgets"),
 }
-"""What a task file says for training or for another formula. The track `auto` derives its own."""
+"""The keys of a task file for training or for another formula. The track `auto` derives its own."""
 _ENTRY = re.compile(r"\bobs\[(\w+)\](?:\[(\d+)\])?")
 _VERSION = re.compile(r"-v\d+$")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What the user asks for."""
+    """The user's request."""
 
     environment: str
     """An id of Gymnasium; or a task, by its name or its folder's path."""
@@ -171,9 +171,9 @@ class Problem:
     time: Literal["steps", "seconds"] | None = None
     """Unit of the formula's intervals; None for steps, or what the task's file says."""
     terminated: EarlyEnd | None = None
-    """What an early end means; by the formula where None."""
+    """The meaning of an early end; by the formula where None."""
     keywords: Mapping[str, Any] = field(default_factory=dict)
-    """What the environment is made with."""
+    """The arguments that make the environment."""
     start: str | None = None
     """The hash of the policy from which trainings start."""
 
@@ -207,7 +207,7 @@ def code_beside(problem: Problem) -> Mapping[str, str]:
 
 
 def given_to_code(source: Problem | TaskFile) -> Mapping[str, Any]:
-    """What a task file gives to code: which environment is made, with which arguments; or the parameters of a system.
+    """The values that a task file gives to code: the environment and its arguments, or the parameters of a system.
 
     Raises `UsageError` where there is no such task.
     """

@@ -36,9 +36,9 @@ FINAL_SEEDS = (200, 201)
 _DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE_SHARE = 0.1
-"""Of the time. The training that measures the speed ends at the first checkpoint after it."""
+"""The share of the time for the training that measures the speed. It ends at the first checkpoint after it."""
 _SUM_SHARE = 0.2
-"""Of the time, for a training by an agent without a discount; half as much for one that follows windows."""
+"""The share of the time for a training by an agent without a discount; half as much for one that follows windows."""
 _PLAYED = "witness.npz"
 """The policy that plays the witness."""
 _LEAST_SUM_EPISODES = 1000
@@ -209,7 +209,7 @@ class Trainer:
         return max([best, *self.train(budget, [contestant], [FIRST_SEED], _satisfies, init)], key=rank)
 
     def kept(self) -> list[Result]:
-        """What has been trained so far, the best first; at equal shares the final training before the race."""
+        """The policies that were trained so far, the best first; at equal shares the final training before the race."""
         finals, race = (self._done(folder) for folder in (FINAL, RACE))
         return best_first(finals, race)
 

@@ -46,7 +46,7 @@ def solve(
 ) -> Solution:
     """From an environment and a formula to a policy with a certificate: `stlbench solve` in Python.
 
-    What is done is kept in a folder. After an interrupt the best policy so far is written there, with a certificate
+    A folder keeps the work that is done. After an interrupt the best policy so far is written there, with a certificate
     from few starts, and `KeyboardInterrupt` is raised. The same call goes on.
 
     Args:

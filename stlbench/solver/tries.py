@@ -157,7 +157,7 @@ def is_repeatable(task: Task) -> bool:
 
 
 def episode_seconds(task: Task) -> float:
-    """Of an episode that lasts to the end, one of several that are simulated side by side."""
+    """The seconds of an episode that lasts to the end, one of several side by side."""
     environment = BatchEnvironment(task, Unpaid(task.specification), FEWEST, seed=0)
     policy, nothing = baselines.AtRandom(task), np.empty((FEWEST, 0))
     began = time.perf_counter()
@@ -175,7 +175,7 @@ def _is_flag(task: Task, name: str) -> bool:
 
 
 def of_search(nearest: Nearest | None) -> str:
-    """What a search for a witness found; None where there was none."""
+    """The outcome of a search for a witness; None where there was none."""
     if nearest is None:
         return "no witness was searched: an episode takes too long for the minutes"
     tried = f"{nearest.episodes} episodes of held actions from one start"

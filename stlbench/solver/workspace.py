@@ -49,7 +49,7 @@ _SEARCH_SHARE, _SEARCH_SECONDS = 0.01, 15.0
 _GENERATION_RATIO = 3.0
 """No witness is searched where one generation would take so many times the seconds of a search."""
 _PROBE_EPISODES = 100
-"""Of the training that measures the speed, at most."""
+"""The most episodes of the training that measures the speed."""
 _CONSTANT_STARTS, _CONSTANT_ACTIONS = 4, 50
 """Starts from which constant actions are compared at most, and about how many are."""
 
@@ -60,7 +60,7 @@ class Workspace:
 
     folder: Path
     episode_seconds: float
-    """Of simulating an episode that does not end early, without training."""
+    """The time to simulate an episode that does not end early, without training."""
 
     @property
     def task(self) -> Task:
@@ -74,7 +74,7 @@ class Workspace:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of it, in a line each, whatever a policy reaches."""
+        """Facts for the user, in a line each, whatever a policy reaches."""
         return tuple(map(one_line, self.state["notes"]))
 
     @property
@@ -207,7 +207,7 @@ def is_of(problem: Problem, folder: Path) -> bool:
 
 
 class _State(BaseModel):
-    """What `solve.json` says."""
+    """The content of `solve.json`."""
 
     problem: dict[str, Any]
     notes: tuple[str, ...]
@@ -221,7 +221,7 @@ class _State(BaseModel):
 
 
 class _Witness(BaseModel):
-    """What `witness.json` says of the actions, each held for an equal part of the episode."""
+    """The actions of `witness.json`, each held for an equal part of the episode."""
 
     actions: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=1)]
 

@@ -137,7 +137,7 @@ class Cell:
     parts: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     """Name and hash of each part of the key but the track and the seed, as `PARTS` names them."""
     code: tuple[Code, ...] = field(default=(), repr=False)
-    """Of the harness, the task, the method and the agent, as it was when the key was made."""
+    """The code of the harness, the task, the method and the agent, as it was when the key was made."""
 
     def load_task(self) -> Task:
         """The task as the cell's track and recipe have it. Raises `UsageError` where it is not installed."""
@@ -172,16 +172,16 @@ PARTS = ("harness", "task", "method", "agent", "packages")
 distributions that the plugins import."""
 _WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
 _NO_PART: dict[str, Any] = dict.fromkeys((*_WORDS, "agents", "budgets", "schedules"), True) | {"environment": {"drawn"}}
-"""What a task file says for people, tables and pictures alone, or is in the key of a cell by itself."""
+"""The entries of a task file for people, tables and pictures alone, or that are in a cell's key by themselves."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
-"""What it says of environments alone."""
+"""Its entries for environments alone."""
 _OF_BUDGET = {"steps", "checkpoints", "patience", "seconds", "random_starts"}  # what of a budget changes a result
 _NO_CODE = Code()
 
 
 @dataclass(frozen=True)
 class KeyPart:
-    """What one plugin, as it was chosen, adds to a key."""
+    """The addition of one plugin, as it was chosen, to a key."""
 
     digest: str
     code: Code

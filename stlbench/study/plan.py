@@ -116,7 +116,7 @@ class _Planned:
 
 @dataclass(frozen=True)
 class Checked:
-    """What a look at cells that are going to run has found."""
+    """The findings of a look at cells that are going to run."""
 
     notes: tuple[str, ...] = ()
     """A line for each agent that trains with its defaults."""
@@ -220,12 +220,12 @@ _BUDGET = "quick"
 
 @dataclass(frozen=True)
 class PlanSetting:
-    """What is planned for beside task and method."""
+    """The plan's parts beside task and method."""
 
     without: str = ""
     """Parts of the task that are left out, joined by +."""
     parameters: tuple[tuple[str, str], ...] = ()
-    """Of the agent, in place of those of the task's recipe."""
+    """The agent's parameters, in place of those of the task's recipe."""
 
     @property
     def apart(self) -> bool:

@@ -118,7 +118,7 @@ def _in_guard(questions: Sequence[Question[_T]], deadline: float) -> list[_T | U
 
 
 def _log(folder: Path, call: _Call) -> Path:
-    """What a plugin prints is not for a reader of a report, or of its JSON."""
+    """The prints of a plugin are not for a reader of a report, or of its JSON."""
     return folder / str(id(call))
 
 

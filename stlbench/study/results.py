@@ -185,7 +185,7 @@ class Results:
         return _table(rows, ("status", "reason", "traceback"))
 
     def traces(self, cell: str | CellId, budget: str | None = None) -> SavedTraces:
-        """What the selected policy of a cell did: the signals' `names`, and `samples` (starts, steps + 1, signals).
+        """The episodes of a cell's selected policy: the signals' `names`, and `samples` (starts, steps + 1, signals).
 
         Raises:
             UsageError: there is no such cell, or no file of its traces: a study that is kept as text has none.

@@ -109,7 +109,7 @@ def run_cells(
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
 
-    What is planned is recorded first, so that a report knows what an interrupted study lacks. An interrupt
+    The plan is recorded first, so that a report knows what an interrupted study lacks. An interrupt
     (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on. Cells that ended
     as `retry` says run again, unless they failed `attempts` times in a row. `keep_old` counts results of other code as
     done. Nothing runs after a result of which `until` is true, also one from before. `run_cell` stands for
@@ -138,7 +138,7 @@ def run_cells(
 
 @dataclass(frozen=True)
 class _Left:
-    """What a study lacks, how many of its cells have a result, and lines on why."""
+    """The cells that a study lacks, how many have a result, and lines on why."""
 
     missing: Sequence[Cell]
     done: int

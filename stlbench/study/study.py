@@ -294,7 +294,7 @@ class _Schema(GenerateJsonSchema):
 
 
 def json_schema(kind: Kind) -> JsonSchemaValue:
-    """Of `task.yaml`, or of the file that `stlbench run FILE` takes."""
+    """The schema of `task.yaml`, or of the file that `stlbench run FILE` takes."""
     if kind == "study":
         schema = Study.model_json_schema(schema_generator=_Schema)
         del schema["required"]  # the command line may say what the file leaves out

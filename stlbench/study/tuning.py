@@ -90,7 +90,7 @@ class Entrant:
 
 
 def entrants(study: Study) -> tuple[Entrant, ...]:
-    """What there is to tune: each task, method and agent of a study, with the same space for all methods.
+    """The subjects of tuning: each task, method and agent of a study, with the same space for all methods.
 
     Raises `UsageError` for a seed that is reported, another track than `shared`, a held task, or an agent without a
     space.
@@ -165,7 +165,7 @@ def search(
 
 class _Search:
     """Chooses the trials of one entrant: the shared recipe, some at random, then by tree-structured Parzen estimators
-    (Bergstra et al. 2011), as Optuna has them. What is random is the same for every method."""
+    (Bergstra et al. 2011), as Optuna has them. Random choices are the same for every method."""
 
     def __init__(self, entrant: Entrant) -> None:
         self.entrant = entrant

@@ -78,7 +78,7 @@ def in_turn(fitting: Mapping[str, RewardMethod], aim: Aim) -> tuple[str, ...]:
 
 
 INIT = "init"
-"""Of the choice of an agent, and no parameter of its constructor: the hash of the policy that it starts from."""
+"""A parameter of the choice of an agent, and not of its constructor: the hash of the policy that it starts from."""
 
 
 def build_agent(task: Task, choice: Choice | str) -> Agent:

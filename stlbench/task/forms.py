@@ -29,7 +29,7 @@ class Window:
 
 
 def recurring(formula: stl.Formula) -> Iterator[stl.Eventually]:
-    """What a formula asks for again and again: F inside G."""
+    """The parts that a formula asks for again and again: F inside G."""
     for always in walk(formula):
         if isinstance(always, stl.Always):
             yield from (node for node in walk(always.arg) if isinstance(node, stl.Eventually))

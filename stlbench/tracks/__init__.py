@@ -1,1 +1,1 @@
-"""What a track adds to a task before training, and what its policies are compared with."""
+"""The help that a track adds to a task before training, and the scores to compare its policies with."""

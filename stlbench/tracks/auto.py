@@ -37,8 +37,8 @@ _FEW = 8
 """Copies of an environment whose first samples are looked at; of a system eight times as many."""
 
 Relation: TypeAlias = Literal["equivalent", "stronger", "weaker"]
-"""Of a new formula to the one before. It is satisfied by the same traces; by some of these alone; by these and perhaps
-by others."""
+"""The relation of a new formula to the one before. The same traces satisfy it; some of these alone;
+or these and perhaps others."""
 
 
 @dataclass(frozen=True)
@@ -137,13 +137,13 @@ def initial_samples(task: Task) -> Array:
 _REACH = 20
 """Steps that a discount reaches over, at least. With 10, a pole on a cart was learned in 15 of 24 runs; now in 20."""
 _MOST = 0.98
-"""Of a discount for continuous actions. With 0.95 a goal that is reached late, by a swing say, is not learned."""
+"""The greatest discount for continuous actions. With 0.95 a goal that is reached late, as by a swing, fails."""
 
 PATIENCE = 3
 """Checkpoints without a better one after which a training may end at one that satisfies, where its budget does not
 say."""
 EPISODES = 900
-"""Of the budget `quick`, at least."""
+"""The fewest episodes of the budget `quick`."""
 EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
 LENGTH = 40
@@ -278,7 +278,7 @@ def _ends(task: Task) -> tuple[Ending, ...]:
 
 
 def _lasting(parts: Sequence[Window], file: TaskFile) -> list[Window]:
-    """The invariants. Of a schedule, those that last as long as its goals: a shorter one may exclude a later goal."""
+    """The invariants. A schedule's are those that last as long as its goals: a shorter one may exclude a later goal."""
     last = max((part.end for part in parts if not part.invariant), default=0)
     return [part for part in parts if part.invariant and (file.schedule is None or part.end >= last)]
 

@@ -1,4 +1,4 @@
-"""What the policies of a task are compared with: its controller, the baselines, the best known."""
+"""The scores to compare a task's policies with: its controller, the baselines, the best known."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class References:
     zero: Score | None = None  # what the action zero gets from them
     constant: Score | None = None  # what the best constant action gets from them
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
-    """Of the methods that were asked for, those that pay the same (`equal_payments`)."""
+    """Those of the given methods that pay the same (`equal_payments`)."""
     groups: Mapping[str, str] = field(default_factory=dict)
-    """Of a task that a suite drew, its system, template and so on (`Suite.groups`)."""
+    """The system, template and so on of a task that a suite drew (`Suite.groups`)."""
     trivial: bool = False
     """Whether a constant action solves the task: it satisfies from as many starts as a policy that has learned it.
     Aggregates over tasks are also without such tasks."""
@@ -54,7 +54,7 @@ def about(task: Choice) -> Question[References]:
 
 
 def known(task: Choice) -> References:
-    """What is known of a task without a simulation."""
+    """The facts of a task that need no simulation."""
     loaded = load_task(task)
     return References(
         best_known=loaded.file.best_known, own_agent=loaded.own_agent, groups=named_tasks.groups(task.name)

@@ -1,4 +1,4 @@
-"""What the policies of a task are measured by: its controller, the baselines, the best known and its bound; and the
+"""The measures of a task's policies: its controller, the baselines, the best known and its bound; and the
 worth, by the formula, of the best policy by a reward.
 """
 

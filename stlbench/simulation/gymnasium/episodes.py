@@ -127,7 +127,7 @@ def _floats(observation: Any) -> Iterator[NDArray[Any]]:
 
 
 def _tell(part: NDArray[Any], t: Integers, copy: int | None) -> None:
-    """Of numbers (N, ...) of which some are not finite."""
+    """For numbers (N, ...) some of which are not finite."""
     where = tuple(np.argwhere(~np.isfinite(part))[0].tolist())
     which = _which(where[0], t, copy)
     raise UsageError(f"the environment returned an observation with {part[where]} {which}; numbers are finite")

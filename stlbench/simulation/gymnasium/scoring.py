@@ -131,7 +131,7 @@ class Scoring:
 def specify(
     formula: str | stl.Formula, names: tuple[str, ...], ranges: Ranges, steps: int, dt: float | None
 ) -> Specification:
-    """What a method is told. Raises `UsageError`: no formula, an unknown signal, a missing range, a long horizon."""
+    """The specification. Raises `UsageError`: no formula, an unknown signal, a missing range, a long horizon."""
     low, high = _ends(names, ranges)
     try:
         parsed = stl.parse(formula, dt) if isinstance(formula, str) else formula

@@ -79,7 +79,7 @@ def of_quotient(args: Ranges, inner: Sequence[Derivatives], value: intervals.Ran
 
 
 def of_power(args: Ranges, inner: Sequence[Derivatives], value: intervals.Range) -> Derivatives:
-    """Of a constant exponent."""
+    """For a constant exponent."""
     exponent = float(args[1][0])
     return scaled(inner[0], intervals.product(intervals.power(args[0], exponent - 1), args[1])) if exponent > 0 else {}
 

@@ -117,7 +117,7 @@ class Fold:
         return self._lift(self.sign * values)
 
     def read(self, summary: Floats) -> Floats:
-        """The function of the values that were merged: (..., size) -> (...). Of none: inf, or -inf for a maximum."""
+        """The function of the values that were merged: (..., size) -> (...). For none: inf, or -inf for a maximum."""
         return self.sign * self._read(summary)
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:

@@ -268,7 +268,7 @@ class _Parser(TokenStream):
 
 
 def _continuations(node: syntax.AnyNode) -> str:
-    """What may follow a complete operand."""
+    """The tokens that may follow a complete operand."""
     if isinstance(node, syntax.Formula):
         return "'&', '|', '->', 'U[a,b]' (or another operator between formulas) or the end of the formula"
     return "an operator or a comparison"

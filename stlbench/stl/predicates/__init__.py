@@ -273,7 +273,7 @@ def margin(psi: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
 
     Returns:
         A pure function: samples (..., k) of floats, in the signals' units -> rho (...,), > 0 where psi holds with that
-        margin, < 0 where it fails; for one sample (k,) a NumPy scalar. What has no value is NaN, what overflows inf.
+        margin, < 0 where it fails; for one sample (k,) a NumPy scalar. Missing values are NaN, overflows inf.
         Raises TypeError for a masked array.
 
     Raises:

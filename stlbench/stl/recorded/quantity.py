@@ -97,7 +97,7 @@ class Quantity:
     def _between(self, node: Between, leaves: Floats, t: int, ends: Empty) -> Floats:
         """At one step: the least of each goal in the interval and of the guard before it, and the greatest of these.
 
-        Of a release the greatest of each, and the least of these.
+        For a release the greatest of each, and the least of these.
         """
         least, pick, empty = self.semantics.least, self.semantics.eventually, ends[0]
         if isinstance(node, Release):

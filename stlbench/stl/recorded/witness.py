@@ -34,7 +34,7 @@ class Witness:
     path: tuple[Link, ...]
     """From the formula at step 0 to the predicate (or `True`); each is an operand of the one before it."""
     margin: float
-    """Of the predicate at its step, in the unit of its sides; inf for `True`."""
+    """The predicate's at its step, in the unit of its sides; inf for `True`."""
     sign: int
     """1, or -1 where an odd number of negations is on the path."""
 
@@ -52,7 +52,7 @@ class Witness:
 
     @property
     def robustness(self) -> float:
-        """Of the whole formula at step 0."""
+        """The whole formula's, at step 0."""
         return self.sign * self.margin
 
     @property
@@ -64,7 +64,7 @@ class Witness:
 def witness(formula: syntax.Formula, trace: ArrayLike, names: Sequence[str]) -> Witness:
     """Find the predicate and the sample that the robustness of `formula` at t = 0 comes from.
 
-    Of equals it is the first operand and the earliest step. At a robustness of exactly 0 it is one that also decides
+    Among equals it is the first operand and the earliest step. At a robustness of exactly 0 it is one that also decides
     the verdict: the formula is satisfied if and only if the predicate holds there (for a negative sign: does not hold).
 
     Args:
