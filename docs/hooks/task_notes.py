@@ -1,7 +1,7 @@
 """A hook of mkdocs: what the files of a task say for people.
 
 `<!-- task: overlap -->` in a page becomes the title, the formula, the source and the notes of that task, and
-the comments on what was made for it by hand.
+the comments on what was made for it by hand, if anything was.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def section(name: str) -> str:
     """What the files of a task say, in Markdown. Raises `FileNotFoundError` if there is no such task."""
     place = _TASKS / name.replace("-", "_")
-    text, by_hand = ((place / file).read_text(encoding="utf-8") for file in ("task.yaml", "by_hand.yaml"))
+    text = (place / "task.yaml").read_text(encoding="utf-8")
+    helped = place / "by_hand.yaml"
+    by_hand = helped.read_text(encoding="utf-8") if helped.exists() else ""
     file = {key: " ".join(str(value).split()) for key, value in yaml.safe_load(text).items()}
     source, notes = (html.escape(file[key], quote=False).rstrip(".") for key in ("source", "notes"))
     held = f", each action held for {file['hold']}" if "hold" in file else ""
