@@ -1,4 +1,6 @@
-"""Which of the tasks that come with stlbench are the paper's, which come from the field, and which are systems."""
+"""Which of the tasks that come with stlbench are the paper's, which come from the field, which have no recipe, and
+which are systems.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,11 @@ from stlbench.registry import plugins
 
 TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == plugins.OWN)
 FIELD = ("cartpole-steady", "dwell", "either-or", "hopper", "lane", "lunar-lander", "patrol", "walker")
-ON_ENVIRONMENTS = ("hopper", "lane", "lunar-lander", "walker")
+WITHOUT_RECIPES = (
+    *("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band"),
+    *("quadrotor-gates", "quadrotor-patrol", "zones"),
+)
+"""Tasks for which nobody made anything by hand but a controller."""
+ON_ENVIRONMENTS = ("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band", "hopper", "lane", "lunar-lander", "walker")
 SYSTEMS = [name for name in TASKS if name not in ON_ENVIRONMENTS]
-PAPER = [name for name in TASKS if name not in FIELD]
+PAPER = [name for name in TASKS if name not in (*FIELD, *WITHOUT_RECIPES)]

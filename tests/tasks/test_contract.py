@@ -26,8 +26,11 @@ CONTROLLED = {
     "overlap": (0.19, 0.25),  # the passages are 0.5 m wide; a start at (1.3, 1) has 0.2
     "patrol": (0.25, 0.5),
     "pendulum": (0.035, 0.05),  # a torque's step leaves omega up to 0.0133 off: 0.05 - 0.0133 - 0.0003
+    "quadrotor-gates": (0.2, 0.4),
+    "quadrotor-patrol": (0.3, 0.4),
     "reach-stay": (0.95, 1.0),
     "robot-nav": (1.95, 2.0),
+    "zones": (0.15, 0.4),
 }
 """Task -> what its controller reaches from every start at least, and the most that the formula allows."""
 

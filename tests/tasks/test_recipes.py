@@ -1,11 +1,13 @@
-"""Each task comes with a recipe for every agent that fits its actions, and each recipe is one that the agent takes."""
+"""A task comes with a recipe for every agent that fits its actions, or with none. Each recipe is one that the agent
+takes.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from helpers.task_lists import PAPER, TASKS
+from helpers.task_lists import PAPER, TASKS, WITHOUT_RECIPES
 
 from stlbench.contract import ActionGrid
 from stlbench.registry import plugins
@@ -17,7 +19,14 @@ from stlbench.task import load_task
 from stlbench.task.file import OPTIONAL
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", WITHOUT_RECIPES)
+def test_a_task_without_a_recipe_has_nothing_by_hand(name: str) -> None:
+    file = load_task(name).file
+    assert not {"agents", "rewarded", "nested", "training", "features"} & file.model_fields_set
+    assert file.agents == {}
+
+
+@pytest.mark.parametrize("name", [name for name in TASKS if name not in WITHOUT_RECIPES])
 def test_recipes(name: str) -> None:
     task = load_task(name)
     on_grids = {"dqn", "dqn-per-robot"} if task.file.robots else {"dqn", "sb3-dqn"}
