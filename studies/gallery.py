@@ -38,8 +38,8 @@ WIDTH = 480
 """Pixels of a film."""
 STARTS = 16
 """Of the report's, of which one is filmed."""
-FRAMES = 75
-"""In a film, at most about so many."""
+FRAMES, PICTURES = 75, 40
+"""In a film, at most about so many; of an environment's own pictures, which are larger, fewer."""
 
 WHO = {
     "at random": "Random actions, since no policy has learned it yet.",
@@ -141,17 +141,17 @@ def shoot(name: str, results: Path | None) -> Filmed:
     pictures = Camera(of, start) if isinstance(task.dynamics, GymTask) else None
     if remark := film.write(task, recording, (robustness[chosen],), name, path, pictures):
         print(f"{name}: {remark}")
-    width, height = _small(path)
+    width, height = _small(path, PICTURES if pictures else FRAMES)
     seconds = task.file.steps * task.file.sampling_time
     return Filmed(of.name, round(robustness[chosen], 4), seconds, own and not remark, width, height)
 
 
-def _small(path: Path) -> tuple[int, int]:
-    """Make a film as wide as the page shows it, and its end a picture of its own; the film's size."""
+def _small(path: Path, most: int) -> tuple[int, int]:
+    """Make a film of so many frames as wide as the page shows it, and its end a picture of its own; the film's size."""
     with Image.open(path) as shot:
         size = (WIDTH, round(shot.height * WIDTH / shot.width))
         frames = []
-        every = -(-shot.n_frames // FRAMES)
+        every = -(-shot.n_frames // most)
         for i in range((shot.n_frames - 1) % every, shot.n_frames, every):
             shot.seek(i)
             frames.append(shot.convert("RGB").resize(size, Image.Resampling.LANCZOS))

@@ -68,7 +68,8 @@ class QuadrotorInSpace(System):
         aside = np.sin(yaw) * wanted[:, 0] - np.cos(yaw) * wanted[:, 1]
         leaning = np.stack([aside / GRAVITY, ahead / GRAVITY, np.zeros(len(state))], axis=1)
         torques = INERTIA * (_TURN * np.array([1.0, 1.0, 0.1]) * (leaning - angles) - _CALM * state[:, 9:])
-        return np.clip(np.concatenate([thrust[:, None], torques], axis=1), *_ACTIONS)
+        actions: Array = np.clip(np.concatenate([thrust[:, None], torques], axis=1), *_ACTIONS)
+        return actions
 
 
 def _upwards(angles: Array) -> Array:

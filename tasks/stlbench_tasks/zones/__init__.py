@@ -55,10 +55,12 @@ class Zones(System):
         far = np.hypot(off[..., 0], off[..., 1])[..., None]
         away = off / np.maximum(far, 0.05) * np.maximum(0.0, _REACH - far) / _REACH
         wanted = np.clip(_PULL * (aim - place), -1, 1) - _BRAKE * velocity
-        return np.clip(wanted + _PUSH * away.sum(axis=1), -1.5, 1.5)
+        acceleration: Array = np.clip(wanted + _PUSH * away.sum(axis=1), -1.5, 1.5)
+        return acceleration
 
 
 def places(phase: Array) -> Array:
     """Where the zones are at a phase: (...,) -> (..., 3, 2)."""
     angles = _TURNS + phase[..., None] * _ROUNDS
-    return _CENTRES + _RADII[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    found: Array = _CENTRES + _RADII[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return found
