@@ -62,6 +62,7 @@ class CMAES(Agent):
     spread: Positive = 1.0
     """standard deviation of the first generation's course, over half of an action's range"""
 
+    revision = 2
     resumes = True
     discounts = False
     preference = MappingProxyType({"grid": 3, "box": 3})
