@@ -7,6 +7,7 @@ without a discount. No gradient and no value is learned: it shows what a reward 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -70,12 +71,12 @@ class CMAES(Agent):
     def train(self, training: Training) -> Policy:
         starts, steps = _LEAST_STARTS, 0
         environment = training.make(starts * self.candidates)
-        family, earlier = Family.of(environment, self.knots), list[Policy]()
+        family, earlier = Family.of(environment, self.knots), None
         begun = np.zeros(family.shape)
         if training.initial is not None:
-            earlier.append(self.restore(training.initial, environment.actions))
-            family = Family.of(environment, family.knots_of(earlier[0]))
-            begun = family.numbers(earlier[0])
+            earlier = self.restore(training.initial, environment.actions)
+            family = Family.of(environment, family.knots_of(earlier))
+            begun = family.numbers(earlier)
         search = _Search(self, family, begun, training)
         due = np.linspace(0, training.steps, training.checkpoints + 1)[1:]
         while True:
@@ -89,8 +90,8 @@ class CMAES(Agent):
             is_last = not trial.is_over or left < environment.count * environment.hold
             if reached or is_last:
                 policy, due = family.policy(search.best), due[reached:]
-                if earlier and not is_last:
-                    policy = earlier.pop()  # so the selection never ends with a worse one
+                if earlier is not None and not is_last:
+                    policy, earlier = earlier, None  # so the selection never ends with a worse one
                 if training.report(policy, steps) or is_last:
                     return policy
             wanted = min(trial.wanted, self.most_starts)
@@ -207,29 +208,18 @@ class Family:
 
     def knots_of(self, policy: Policy) -> int:
         """The knots of a policy's course, if `policy` made it."""
-        if isinstance(policy, ActorPolicy):
-            hidden = len(policy.layers[0][1])
-        else:
-            from stlbench_agents.q_learner import GreedyPolicy
-
-            assert isinstance(policy, GreedyPolicy)
-            hidden = len(policy.weights[1])
+        hidden = len(_layers(policy)[0][1])
         return max(2, hidden - 2 * self.inputs + 1)
 
     def numbers(self, policy: Policy) -> Array:
         """The numbers of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""
-        if isinstance(policy, ActorPolicy):
-            layers = policy.layers
-            matrix, bias = layers[-1]
+        layers = _layers(policy)
+        matrix, bias = layers[-1]
+        if isinstance(self.actions, ActionBox):
             out, rest = matrix.T / self.half[:, None], (bias - self.middle) / self.half
         else:
-            from stlbench_agents.q_learner import GreedyPolicy
-
-            assert isinstance(policy, GreedyPolicy)
-            *hidden, matrix, bias = policy.weights
-            layers = [*zip(hidden[::2], hidden[1::2], strict=True), (matrix.T, bias)]
-            greatest = np.cumsum(policy.network.grid)  # rows of the action 1 of each axis
-            out, rest = matrix[greatest] / 2, (bias[greatest] + 1) / 2
+            greatest = np.cumsum(self.actions.shape)  # columns of the action 1 of each axis
+            out, rest = matrix.T[greatest] / 2, (bias[greatest] + 1) / 2
         first = self._hidden[0]
         refuse_other([*first.shape], [len(layers[0][0]), *(len(each) for _, each in layers[:-1])])
         if not np.array_equal(layers[0][0], first):
@@ -238,6 +228,17 @@ class Family:
         steps = np.cumsum(slopes * np.diff(self.times), axis=1)
         course = rest[:, None] + np.pad(steps, ((0, 0), (1, 0)))
         return np.hstack([out[:, : self.inputs], course]).astype(np.float64)
+
+
+def _layers(policy: Policy) -> Sequence[tuple[Any, Any]]:
+    """Matrices (inputs, outputs) and biases of a policy's network."""
+    if isinstance(policy, ActorPolicy):
+        return policy.layers
+    from stlbench_agents.q_learner import GreedyPolicy
+
+    assert isinstance(policy, GreedyPolicy)
+    *hidden, matrix, bias = policy.weights
+    return [*zip(hidden[::2], hidden[1::2], strict=True), (matrix.T, bias)]
 
 
 class Trial:

@@ -186,12 +186,10 @@ def of_search(nearest: Nearest | None) -> str:
 
 def of_course(task: Task, nearest: Nearest) -> str | None:
     """A warning where the actions of a witness satisfy from most starts, so that no policy needs to look."""
-    begun = task.starts.report_and_selection()[0]
+    starts = len(task.starts.report_and_selection()[0])
     when = in_pieces(task.file.decisions, nearest.pool.shape[1])
-    best = nearest.pool[np.zeros(len(begun), dtype=np.int64)]
-    played = replay(task, best[:, when], begun)
-    robustness = judge(task.formula, played.traces, task.specification, task.file.terminated).robustness[:, 0]
-    share = float(np.mean(robustness > 0))
+    episodes = replay(task, nearest.pool[np.zeros(starts, dtype=np.int64)][:, when])
+    share = referee.score(task, episodes.traces, lasted=episodes.lasted).satisfaction
     if share < LEARNED:
         return None
     return f"trivial: by one fixed sequence of actions {100 * share:.0f} % of the starts satisfy"

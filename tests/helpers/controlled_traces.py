@@ -5,8 +5,10 @@ from __future__ import annotations
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 
 from stlbench.contract import ActionGrid, Array, Integers
+from stlbench.simulation import referee
 from stlbench.simulation.baselines import record_controller
 from stlbench.task.task import Task
 
@@ -29,6 +31,22 @@ def trace(task: Task, states: Array) -> Array:
         found = record_controller(task, states)
     assert found is not None
     return found.traces
+
+
+EVERY = pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 8], ids=["all", "some"])
+"""The share of the starts to try: all, or each eighth, as an environment is slow."""
+
+
+def satisfying(task: Task, every: int) -> tuple[float, ...]:
+    """Robustness from every so many starts of the report: the controller satisfies, and is the best known."""
+    episodes = record_controller(task, task.starts.report_and_selection()[0][::every])
+    assert episodes is not None
+    score = referee.score(task, episodes.traces, lasted=episodes.lasted)
+    assert all(score.satisfied)
+    if every == 1:
+        assert task.file.best_known is not None
+        assert score.mean == pytest.approx(task.file.best_known.robustness, abs=1.1e-5)
+    return score.robustness
 
 
 def all_starts(task: Task) -> Array:

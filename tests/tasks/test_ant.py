@@ -8,10 +8,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from helpers.controlled_traces import EVERY, satisfying
 
 from stlbench import stl
 from stlbench.contract import GymTask
-from stlbench.simulation import baselines, referee
 from stlbench.simulation.worlds import make_world
 from stlbench.task import load_task
 
@@ -86,18 +86,8 @@ def test_the_gait_by_hand(turned: float) -> None:
     assert torques[:4] == pytest.approx([hip, 0.68 * 1.02, hip, 0.68 * 0.88])
 
 
-EVERY = [pytest.param(1, marks=pytest.mark.slow), 8]
-
-
-@pytest.mark.parametrize("every", EVERY, ids=["all", "some"])
+@EVERY
 @pytest.mark.parametrize("name", FORMULAS)
 def test_the_controller_satisfies_from_every_start(name: str, every: int) -> None:
-    task = load_task(name)
-    episodes = baselines.record_controller(task, task.starts.report_and_selection()[0][::every])
-    assert episodes is not None
-    score = referee.score(task, episodes.traces, lasted=episodes.lasted)
-    assert all(score.satisfied)
-    assert 0 < min(score.robustness) <= max(score.robustness) <= 0.5
-    if every == 1:
-        assert task.file.best_known is not None
-        assert score.mean == pytest.approx(task.file.best_known.robustness, abs=1.1e-5)
+    robustness = satisfying(load_task(name), every)
+    assert 0 < min(robustness) <= max(robustness) <= 0.5

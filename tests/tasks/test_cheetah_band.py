@@ -7,10 +7,10 @@ from math import sin
 import gymnasium
 import numpy as np
 import pytest
+from helpers.controlled_traces import EVERY, satisfying
 
 from stlbench import stl
 from stlbench.contract import Array, GymTask
-from stlbench.simulation import baselines, referee
 from stlbench.simulation.worlds import make_world
 from stlbench.task import load_task
 
@@ -67,13 +67,7 @@ def test_the_gait_by_hand() -> None:
     assert torques[0] == pytest.approx(0.763 * (-0.355 + 0.26 * sin(4.834) - 0.1))
 
 
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 8], ids=["all", "some"])
+@EVERY
 def test_the_controller_satisfies_from_every_start(every: int) -> None:
-    episodes = baselines.record_controller(TASK, TASK.starts.report_and_selection()[0][::every])
-    assert episodes is not None
-    score = referee.score(TASK, episodes.traces, lasted=episodes.lasted)
-    assert all(score.satisfied)
-    assert 0.4 < min(score.robustness) <= max(score.robustness) <= 0.5
-    if every == 1:
-        assert TASK.file.best_known is not None
-        assert score.mean == pytest.approx(TASK.file.best_known.robustness, abs=1.1e-5)
+    robustness = satisfying(TASK, every)
+    assert 0.4 < min(robustness) <= max(robustness) <= 0.5
