@@ -82,7 +82,7 @@ def export(
     """Write results for other programs, in full precision.
 
     csv and parquet write three tables: cells, robustness and curves, as `stlbench.Results` has them in Python. jsonl
-    writes cells.jsonl.gz: one cell per line, nothing left out. A folder with this file in place of a ledger can be
+    writes cells.jsonl.xz: one cell per line, nothing left out. A folder with this file in place of a ledger can be
     reported, compared, plotted and loaded, and be kept in git. minari lets the stored policies act again, and writes
     their episodes with robustness as labels: a data set for each task and track, each with a card. It needs the extra
     `minari`. Prints the files; --json prints a list of them.

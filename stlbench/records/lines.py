@@ -5,19 +5,18 @@ The last line of a cell counts. So a run takes nothing out of its file: what cam
 
 from __future__ import annotations
 
-import gzip
 import json
+import lzma
 import os
 import re
 import warnings
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from io import BytesIO, TextIOWrapper
+from io import DEFAULT_BUFFER_SIZE, BufferedReader, RawIOBase, TextIOWrapper
 from itertools import chain
 from pathlib import Path
-from typing import BinaryIO, Literal, Self, TypeVar, cast
+from typing import TYPE_CHECKING, BinaryIO, Literal, Self, TypeVar
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import IDENTITY, CellId, ReadCell, valid
@@ -26,9 +25,13 @@ from stlbench.records.result_files import LINES, PACKED, appended, is_there, to_
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import LONGEST
 
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
 _T = TypeVar("_T")
 _ENDS = tuple(name.removeprefix("cells") for name in (LINES, PACKED))
 _UNPACKED = 2**33  # the most bytes that a packed file may have unpacked: a small one may be made to fill all time
+_MEMORY = 2**27  # bytes that unpacking may take; `xz -9` needs half of it, and a file may ask for 4 GiB
 _KEY = re.compile(rb'"key": "([^"]+)"')  # no part of a cell's identity, which stands before, is an object
 _REMOVED: Literal["removed"] = "removed"
 """The status in a line of a cell that was taken out."""
@@ -102,7 +105,7 @@ def keys(folder: Path) -> set[str]:
 def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, CellId] | None = None) -> int:
     """Write `text_of` into a file, packed if its name says so; how many lines. Raises `UsageError` if it cannot."""
     text = text_of(results, planned)
-    write(path, _packed(text) if path.suffix == ".gz" else text)
+    write(path, lzma.compress(text.encode()) if _is_packed(path) else text)
     return text.count("\n")
 
 
@@ -114,14 +117,6 @@ def text_of(results: Iterable[Result], planned: Mapping[str, CellId] | None = No
     texts = [(result.id, to_json(_without_path(result))) for result in results]
     texts += [(cell, Lacking(cell, key).text) for key, cell in (planned or {}).items()]
     return "".join(text + "\n" for _, text in sorted(texts))
-
-
-def _packed(text: str) -> bytes:
-    """Without name and time, so that equal lines are equal bytes in git."""
-    packed = BytesIO()
-    with gzip.GzipFile("", "wb", fileobj=packed, mtime=0) as file:
-        file.write(text.encode())
-    return packed.getvalue()
 
 
 def _without_path(result: Result) -> Result:
@@ -180,12 +175,39 @@ def _texts(path: Path, *, warn: bool = True) -> Iterator[tuple[str, str]]:
                 elif warn:
                     why = "it was cut, as by a kill, and is left out"
                     warnings.warn(f"{where}: {why}; `stlbench run` measures its cell", LedgerWarning, stacklevel=4)
-    except (OSError, EOFError, UnicodeError, zlib.error) as error:
+    except (OSError, EOFError, UnicodeError, lzma.LZMAError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
 
 
 def _unpacked(raw: BinaryIO, path: Path) -> BinaryIO:
-    return cast(BinaryIO, gzip.GzipFile(fileobj=raw)) if path.suffix == ".gz" else raw
+    return BufferedReader(_Unpacker(raw)) if _is_packed(path) else raw
+
+
+def _is_packed(path: Path) -> bool:
+    return path.name.endswith(_ENDS[1])
+
+
+class _Unpacker(RawIOBase):
+    """A packed file, read as what it packs; `lzma.open` has no limit of memory."""
+
+    def __init__(self, raw: BinaryIO) -> None:
+        self._raw, self._unpacker = raw, lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_MEMORY)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        into = memoryview(buffer)
+        while not self._unpacker.eof:
+            packed = self._raw.read(DEFAULT_BUFFER_SIZE) if self._unpacker.needs_input else b""
+            if self._unpacker.needs_input and not packed:
+                raise EOFError("it ends too early")
+            if text := self._unpacker.decompress(packed, len(into)):
+                into[: len(text)] = text
+                return len(text)
+        if self._unpacker.unused_data or self._raw.read(1):
+            raise EOFError("it goes on after its end")
+        return 0
 
 
 def _checked(parse: Callable[[str], _T], text: str, where: str) -> _T:

@@ -123,7 +123,7 @@ def csv_text(rows: Iterable[Iterable[object]]) -> str:
 LINES = "cells.jsonl"
 """Name of the file in a folder of results that gets a line of JSON as each cell ends (`lines`). Without a ledger, the
 results are read from there."""
-PACKED = LINES + ".gz"  # what `stlbench export` writes of them, for git
+PACKED = LINES + ".xz"  # what `stlbench export` writes of them, for git
 TRACES, POLICIES, LOGS = "traces", "policies", "logs"  # names of the folders in a folder of results
 
 

@@ -1,4 +1,4 @@
-"""The results of a folder: from its ledger, else from `cells.jsonl`, else from `cells.jsonl.gz`."""
+"""The results of a folder: from its ledger, else from `cells.jsonl`, else from `cells.jsonl.xz`."""
 
 from __future__ import annotations
 

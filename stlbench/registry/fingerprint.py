@@ -18,7 +18,7 @@ BY_HAND_FILE = "by_hand.yaml"  # and that of the file beside it, which has what 
 _TASK_FILES = (TASK_FILE, BY_HAND_FILE)
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
-_RESULTS = ("ledger.sqlite", "cells.jsonl", "cells.jsonl.gz")
+_RESULTS = ("ledger.sqlite", "cells.jsonl", "cells.jsonl.xz")
 """A folder that has one of these is of results, which a run writes."""
 _INSTALLED = {"site-packages", "dist-packages"}
 

@@ -48,7 +48,7 @@ class Results:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """The results in a folder: of its ledger, else of `cells.jsonl` or `cells.jsonl.gz`. Such a file alone will do.
+        """The results in a folder: of its ledger, else of `cells.jsonl` or `cells.jsonl.xz`. Such a file alone will do.
 
         Raises:
             UsageError: there is neither, or the file is not as it should be.

@@ -106,7 +106,7 @@ def test_tables_in_full_precision(say, ledger):
 
 def test_lines_take_the_place_of_the_ledger(say, ledger):
     done = say("export", "results", "--format", "jsonl", "--out", "text", "--json")
-    assert json.loads(done.stdout) == ["text/cells.jsonl.gz"]
+    assert json.loads(done.stdout) == ["text/cells.jsonl.xz"]
     same = say("compare", "results", "text", "--json"), say("compare", "results", "results", "--json")
     first, second = (json.loads(done.stdout) for done in same)
     assert first["comparisons"] == second["comparisons"]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import importlib
 import json
+import lzma
 import os
 import re
 import shutil
@@ -216,7 +216,7 @@ def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy,
     assert "Controllers and baselines: task zz-line" in explained
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     assert say("export", "results", "--format", "jsonl", "--out", "lines").exit_code == 0
-    assert str(folder) not in gzip.decompress(Path("lines/cells.jsonl.gz").read_bytes()).decode()
+    assert str(folder) not in lzma.decompress(Path("lines/cells.jsonl.xz").read_bytes()).decode()
     moved = folder.parent / "other" / "zz-line"
     moved.parent.mkdir()
     folder.rename(moved)

@@ -5,9 +5,9 @@ On toy-line x' = x + v / 2 for 4 steps, v in -1, 0, 1; the formula is G[0,4] x <
 
 from __future__ import annotations
 
-import gzip
 import importlib
 import json
+import lzma
 import shutil
 import sys
 from pathlib import Path
@@ -207,7 +207,7 @@ class TestStored:
     def test_it_says_how_a_score_differs(self, say, more, verdict):
         """Another processor, or another version of MuJoCo, gives the same policy a slightly other score."""
         say("export", "results", "--format", "jsonl", "--out", "other")
-        lines = gzip.decompress(Path("other/cells.jsonl.gz").read_bytes()).decode()
+        lines = lzma.decompress(Path("other/cells.jsonl.xz").read_bytes()).decode()
         shutil.copytree("results/policies", "other/policies")
         cells = list(map(json.loads, lines.splitlines()))
         for cell in cells:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
+import lzma
 import re
 import shutil
 from importlib import import_module
@@ -44,7 +44,7 @@ def committed(name: str, words: str, folder: Path) -> None:
 def committed_lines(folder: Path) -> list[str]:
     """The lines of a study in git, as they are."""
     packed = folder / PACKED
-    data = gzip.decompress(packed.read_bytes()) if packed.exists() else (folder / LINES).read_bytes()
+    data = lzma.decompress(packed.read_bytes()) if packed.exists() else (folder / LINES).read_bytes()
     return data.decode().splitlines()
 
 

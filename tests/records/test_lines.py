@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
+import lzma
 import os
 import signal
 import time
@@ -109,7 +109,7 @@ def test_packed_lines_are_read_as_others_and_are_the_same_bytes_at_any_time(fold
     lines.write_lines(stored.read(folder), folder / "later" / PACKED, planned)
     assert (folder / PACKED).read_bytes() == (folder / "later" / PACKED).read_bytes()
     assert (count, planned) == (4, {"key 3": result(seed=3).id})
-    assert gzip.decompress((folder / PACKED).read_bytes()).decode() == lines.text_of(stored.read(folder), planned)
+    assert lzma.decompress((folder / PACKED).read_bytes()).decode() == lines.text_of(stored.read(folder), planned)
     assert list(stored.read(folder / "later")) == list(stored.read(folder))
     assert stored.missing(folder / "later") == planned
     with Ledger(folder / "later" / FILE) as ledger:
@@ -118,11 +118,18 @@ def test_packed_lines_are_read_as_others_and_are_the_same_bytes_at_any_time(fold
     assert seeds(folder / "later") == [0, 1, 2]  # from here on the run writes there
 
 
-@pytest.mark.parametrize("how", ["cut", "noise", "text", "bomb"])
+@pytest.mark.parametrize("how", ["cut", "noise", "text", "bomb", "twice", "much"])
 def test_a_packed_file_that_is_damaged_or_without_end_is_one_line(tmp_path, monkeypatch, how):
     lines.write_lines([keyed(seed) for seed in range(20)], tmp_path / PACKED)
     packed = (tmp_path / PACKED).read_bytes()
-    damaged = {"cut": packed[:-40], "noise": packed[:60] + os.urandom(90) + packed[150:], "text": b"{}\n"}
+    damaged = {
+        "cut": packed[:-40],
+        "noise": packed[:60] + os.urandom(90) + packed[150:],
+        "text": b"{}\n",
+        "twice": packed * 2,
+    }
+    # a file may ask for much memory: here for the last 256 MiB that were unpacked
+    damaged["much"] = lzma.compress(b"{}\n", filters=[{"id": lzma.FILTER_LZMA2, "dict_size": 2**28}])
     (tmp_path / PACKED).write_bytes(damaged.get(how, packed))
     monkeypatch.setattr(lines, "_UNPACKED", 1000 if how == "bomb" else 2**33)
     with pytest.raises(UsageError, match="the file would be more than" if how == "bomb" else r"cannot read|line \d+: "):
