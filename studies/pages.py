@@ -51,6 +51,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "docs/explanation/suite.md": {
         "suite": page_suite.drawn,
         "suite-schedules": page_schedules.table,
+        "suite-quick": page_schedules.quick,
         "suite-core": lambda: page_suite.methods("suite-core"),
         "suite-corrected": paired.corrected,
         "suite-fresh": paired.stated,

@@ -18,6 +18,7 @@ REPORTED = {
     "suite-schedules",
     "suite-schedules-long",
     "suite-quick",
+    "suite-quick-schedules",
     "suite-counters",
     "suite-search",
 }
