@@ -81,21 +81,23 @@ def _checked(task: Task, answer: Any, t: Integers) -> Array:
         raise PluginFault(f"{by_hand}: its actions are {array.dtype} {array.shape}; {rule}")
     vectors: Array = array.astype(np.float64)
     if isinstance(task.dynamics, System):
+        # clipping would make an infinite action an end, and nobody would hear of it
         vectors = np.where(np.isfinite(vectors), np.clip(vectors, actions.low, actions.high), vectors)
     if wrong := out_of_range(actions, vectors):
         raise PluginFault(f"{by_hand}: {wrong}")
     return vectors
 
 
-_ALL = 512  # a grid of no more actions is tried whole
+_ALL = 512  # a grid of no more actions is tried whole: the paper's robots have at most 273
 _TRIED, _TRIED_IN_WORLDS = 32, 16
-"""Actions that are tried first where there are more: a world, of which each copy is a simulation, has fewer."""
+"""Actions that are tried first if there are more. A world has fewer, as each of its copies is a simulation."""
 _STARTS = 16  # the most starts from which actions are compared
 _AROUND = (0.2, 0.05, 0.0125)
 """Standard deviations, over an axis' span, of the actions that are tried around the best, half as many each time."""
 
 _DIFFERENT = (1, 2, 4)
-"""Different actions in a held sequence, by turns; or each piece has its own."""
+"""Different actions in a held sequence, by turns; or each piece has its own. Actions that change at each piece cancel
+out: those that stay go far."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class Constants:
     """The scores of constant actions from the report's starts."""
 
     zero: Score
-    best: Score  # of the action that was best from the starts that are kept for selection
+    best: Score  # that of the action which was best from the starts for selection
     action: tuple[float, ...]  # that action
 
     @property
@@ -208,7 +210,7 @@ def _best(task: Task, referee: Referee, starts: int) -> Array:
         return best
 
     if isinstance(actions, ActionGrid) and actions.size <= _ALL:
-        return winner(np.concatenate([zero(task)[None], actions.vectors]))
+        return winner(np.concatenate([zero(task)[None], actions.vectors]))  # a race takes the first of equal ones
     low, high = np.array(actions.low), np.array(actions.high)
     count = _TRIED if isinstance(task.dynamics, System) else _TRIED_IN_WORLDS
     corners = list(islice(product(*zip(low, high, strict=True)), count - 2))

@@ -54,13 +54,14 @@ class ExploringStates:
         if self._near:
             for row in np.flatnonzero(generator.random(len(t)) < _NEAR):
                 following = self._ends[self._ends >= t[row]]
-                if following.size:  # of the conditions that stand, one of those that end first
+                if following.size:  # one of those that end first, among the conditions that still stand
                     fulfil = self._near[generator.choice(np.flatnonzero(self._ends == following[0]))][1]
                     states[row] = fulfil[generator.integers(len(fulfil))]
         return states
 
 
 _STARTS = 256
+"""States that show a planner which memories an episode can begin with."""
 
 
 def model_of(task: Task, method: RewardMethod) -> Model:
@@ -124,7 +125,7 @@ class Simulator:
     def __init__(self, task: Task, method: RewardMethod, rewarded: bool = True, *, drawn: bool = False) -> None:
         """Args: `rewarded` False makes the rewards of a method without memory NaN; `drawn` see `make_world`."""
         self.task, self.method, self._drawn = task, method, drawn
-        self._rewarded = rewarded or method.memory_size > 0
+        self._rewarded = rewarded or method.memory_size > 0  # a policy sees the memory, whoever reads the rewards
         self.horizon, self.hold = task.file.steps, task.file.hold
         actions = task.actions
         self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
@@ -153,7 +154,7 @@ class Simulator:
         self.world.restart(rows, begun)
         self.t[rows] = t
         if self.method.memory_size:
-            self.memory = self.memory.copy()
+            self.memory = self.memory.copy()  # a method may have returned what `_Taken` keeps
             self.memory[rows] = faults.check_memory(self.method, self.method.initial_memory(self.signals[rows], t), t)
 
     def observe(self) -> Array:
@@ -183,7 +184,7 @@ class Simulator:
             reward, self.memory = self.paid(samples, vectors, self.t, self.memory)
         else:
             reward = np.full(len(vectors), np.nan)
-        self.t = self.t + self.hold
+        self.t = self.t + self.hold  # not in place: `_Taken` keeps the times before
         return Steps(reward, samples[1:].transpose(1, 0, 2))
 
     def paid(self, samples: Array, vectors: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
@@ -261,7 +262,7 @@ class BatchEnvironment:
         self.taken, self.decisions = 0, task.file.decisions
         self.observation_size = self.reset().shape[1]
         self.time_column = self.observation_size - method.input_size - 1
-        self._generator = np.random.default_rng(seed)
+        self._generator = np.random.default_rng(seed)  # again: a reset for sizes alone must not change the starts
 
     def reset(self, alike: int = 1) -> Array:
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
@@ -291,8 +292,9 @@ class BatchEnvironment:
     def _seen_at(self, boundary: Truth, ended: Truth) -> tuple[Array, Array]:
         """The observations (N, D) that the step arrives at, and those after a reset of the copies that ended.
 
-        Beyond a boundary the reward asks for something else: the value is that of going on as before it. All
-        observations are made at once, as the formula's view costs by the call.
+        Beyond a boundary the reward asks for something else. So a copy arrives there at the time of the decision
+        before: the value is that of going on as before. All observations are made at once, as the formula's view costs
+        by the call.
         """
         simulator = self.simulator
         moments = [simulator.moment(np.arange(self.count))]  # a copy, as a reset changes the world in place
@@ -322,7 +324,7 @@ class BatchEnvironment:
         transition = taken.transition._replace(
             reward=np.where(fixed, taken.transition.reward, reward / method.scale),
             arrived=_with_inputs(method, taken.transition.arrived, after),
-            event=np.maximum(self._outcome(after, taken.end), np.int8(Event.CUT)),
+            event=np.maximum(self._outcome(after, taken.end), np.int8(Event.CUT)),  # the next step has another memory
         )
         return _with_inputs(method, taken.observation, memory), transition
 
@@ -352,6 +354,7 @@ class BatchEnvironment:
         for row in rows:
             t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
             left = self._early_ends.sum_left(last, simulator.last_action[[row]], t, memory) / method.scale
+            # `OVER` counts once, so all that is left is paid now; `END` counts for ever, so it has the mean of a step
             reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
 
     def _outcome(self, memory: Array, end: _StepEnd) -> NDArray[np.int8]:

@@ -103,7 +103,7 @@ def check_action(actions: Actions, action: Array | Integers, t: Integers) -> Non
     kind = array_of_actions(action).dtype.kind
     if kind == "i" and isinstance(actions, ActionGrid):
         rule: tuple[int, ...] = (len(t),)
-        right = action.astype(np.uint64, copy=False) < actions.size  # as unsigned, what is negative is large
+        right = action.astype(np.uint64, copy=False) < actions.size  # a negative number is large as an unsigned one
         what = f"none of 0..{actions.size - 1}"
     elif kind == "f":
         rule, right, what = (len(t), len(actions.names)), np.isfinite(action), "no finite number"
@@ -155,12 +155,12 @@ def _shaped(owner: RewardMethod | Task, what: str, value: Any, shape: tuple[int,
 
 
 def _finite(values: Array) -> bool:
-    """Their sum tells, which takes half the time."""
+    """Whether all are finite, by their sum, in half the time. A sum of finite numbers may overflow too."""
     return math.isfinite(np.add.reduce(values, None))
 
 
 def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers, names: Sequence[object] = ()) -> None:
-    """Tell the first of (N, steps, ...) that is not finite, from step t on; maybe only the sum is infinite."""
+    """Tell the first of (N, steps, ...) that is not finite, from step t on; none if only the sum is infinite."""
     wrong = ~np.isfinite(values)
     if wrong.any():
         row, later, *_ = place = tuple(np.argwhere(wrong)[0].tolist())
@@ -189,7 +189,7 @@ class Question(Generic[_Answer]):
     plugins: tuple[tuple[str, str], ...]
     """Kind and name of each plugin whose code runs, as in ("tasks", "hold-disc"); other code is
     ("functions", "module:function")."""
-    failed: str  # what a user reads where there is no answer, before why: "task x: its controller cannot be scored"
+    failed: str  # the text before the reason, if there is no answer: "task x: its controller cannot be scored"
 
     def answer(self) -> _Answer:
         return self.function(*self.arguments)
@@ -233,7 +233,7 @@ def answered_here(question: Question[_T]) -> _T | Unanswered:
 
 
 def answers(questions: Sequence[Question[_T]], ask: Ask) -> dict[Question[_T], _T]:
-    """The answers that there are. Where one fails and is no refusal, a `PluginWarning` says why."""
+    """The answers that there are. A `PluginWarning` tells each failure that is no refusal."""
     answered = dict[Question[_T], _T]()
     for question, answer in zip(questions, ask(questions), strict=True):
         if not isinstance(answer, Unanswered):

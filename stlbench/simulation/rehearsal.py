@@ -57,7 +57,7 @@ class _Still:
         if self._left:
             self._left -= 1
             self._last = self._environment.step(action)
-        return deepcopy(self._last)
+        return deepcopy(self._last)  # an agent may write into what it gets
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         self._stage.check()

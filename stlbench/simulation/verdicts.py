@@ -28,9 +28,9 @@ class Verdicts(NamedTuple):
 def judge(formula: stl.Formula, traces: Array, specification: Specification, terminated: EarlyEnd) -> Verdicts:
     """The verdicts on traces (n, T + 1, k), NaN after an early end, by a formula over the specification's signals.
 
-    An early end leaves an interval of what is possible within the ranges (`interval`). With `violated` the formula is
-    violated: its robustness is the least that is possible within the ranges, and at most 0. A recorded sample may make
-    sure of less.
+    An early end leaves an interval of what is possible within the ranges (`interval`). Under `violated` the formula
+    counts as violated: its robustness is the least that is possible within the ranges, and at most 0. A recorded sample
+    may make sure of less.
     """
     early: Truth = np.zeros(len(traces), dtype=np.bool_)
     if terminated != "hold":
@@ -49,7 +49,8 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
         alike = rows[t == last]
         known = traces[alike, : last + 1]
         low, high = stl.robustness_bounds(formula, known, names)
-        robustness[alike, 0] = np.minimum(np.maximum(low, least), high)  # where nothing is known, the ranges are
+        # the ranges narrow what is open; but recorded samples may have left them, and these count more
+        robustness[alike, 0] = np.minimum(np.maximum(low, least), high)
         robustness[alike, 1] = np.maximum(np.minimum(high, greatest), low)
         satisfied[alike] = np.stack(stl.satisfaction_bounds(formula, known, names), axis=-1)
         if terminated == "violated":
@@ -70,8 +71,8 @@ class EarlyEnds:
 
     method: RewardMethod
     terminated: EarlyEnd
-    """`hold` pays what the method pays while the last sample stays, `violated` its floor for each step that is left, or
-    once where the method can end, `interval` nothing."""
+    """`hold` pays what the method pays while the last sample stays. `violated` pays its floor for each step that is
+    left, or once if the method can end. `interval` pays nothing."""
 
     @property
     def _once_and_each(self) -> tuple[float, float]:
@@ -105,7 +106,7 @@ class EarlyEnds:
             return reward
         once, each = self._once_and_each
         stops: Truth = now & ~before & (t < self.method.specification.steps)
-        return np.where(before, each, reward) + np.where(stops, once / hold, 0.0)
+        return np.where(before, each, reward) + np.where(stops, once / hold, 0.0)  # a reward is a mean of `hold` steps
 
 
 def without_end(traces: Array, last: Integers) -> Array:
@@ -121,7 +122,7 @@ class Loss(NamedTuple):
     """The conjunct that a violating trace lost first."""
 
     conjunct: stl.Formula
-    step: int  # from this sample on, no continuation of the trace could satisfy the conjunct any more
+    step: int  # no continuation of the trace could satisfy the conjunct from this sample on
 
     @property
     def text(self) -> str:

@@ -97,7 +97,7 @@ class Moment(NamedTuple):
     memory: Array  # (n, m), of the method
 
     def numbers(self, task: Task) -> Array:
-        """Of the task: the world's features, and with `features: formula` those of the formula's view: (n, d)."""
+        """The task's numbers (n, d): the world's features, and with `features: formula` those of the formula's view."""
         if task.view is None:
             return self.features
         return np.concatenate([self.features, task.view(self.features, self.signals, self.t)], axis=1)

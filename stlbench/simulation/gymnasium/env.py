@@ -215,7 +215,7 @@ class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]
             Observations (N, D); and an info with `signals` (N, 1, k) and `t` (N,).
         """
         super().reset(seed=seed)
-        if seed is not None or not self._generators:
+        if seed is not None or not self._generators:  # without a seed, episodes go on with the same random numbers
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
             self._generators = [seeding.np_random(each)[0] for each in seeds]
         observation, info = self._start(self._generators, options)
@@ -227,7 +227,7 @@ class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]
         Returns:
             Observations (N, D), rewards (N,), terminations (N,), truncations (N,), and an info with `signals`
             (N, hold, k) and `t` (N,). At the time limit the observations and the info are already those of the next
-            episode, and the last ones of the old are in the info as `final_obs` and `final_info`.
+            episode. The info has the last ones of the old episode as `final_obs` and `final_info`.
         """
         if not self.action_space.contains(actions):
             raise InvalidAction(f"{self.num_envs} actions, each {_kind(self.single_action_space)}, got {actions!r}")

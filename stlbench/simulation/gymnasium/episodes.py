@@ -58,7 +58,7 @@ class Observing:
         self._shapes = {key: parts[key].shape for key in self._observed}
         shown = {key: _scaled_space(part, self._observed.get(key)) for key, part in parts.items()}
         ends = np.full(record.total, np.inf)
-        ends[0] = 1.0
+        ends[0] = 1.0  # the time's; a method states no ends of its inputs
         own = Box(-ends.astype(np.float32), ends.astype(np.float32))
         self._dtypes = {key: shown[key].dtype for key in self._observed}
         self.space: Space[Any] = Dict([*shown.items(), (KEY, own)])  # in this order, as tasks have them
@@ -110,7 +110,7 @@ def _check_scale(space: Space[Any], entries: Entries, scale: Mapping[str, float]
 
 
 def _scaled_space(space: Space[Any], observed: Observed | None) -> Space[Any]:
-    """Where the scaled numbers are; of what is not scaled, the space itself."""
+    """The space of the scaled numbers; the space itself if nothing is scaled."""
     if observed is None or not isinstance(space, Box):
         return space
     dtype: Any = space.dtype if np.issubdtype(space.dtype, np.floating) else np.float32
@@ -197,8 +197,8 @@ class Episodes:
         """The entries of the info, of all copies; `own` (N,) are the environment's rewards.
 
         `robustness` and `satisfied` have shape (N,), under `interval` (N, 2): bounds of the robustness, and whether
-        every and whether some continuation satisfies the formula. Where no episode is over they are what is known of
-        all continuations, nothing: -inf and False, under `interval` (-inf, inf) and (False, True).
+        every and whether some continuation satisfies the formula. Before the end of an episode nothing is known: they
+        are -inf and False, under `interval` (-inf, inf) and (False, True).
         """
         rows, scoring = np.flatnonzero(over), self._scoring
         interval, specification = scoring.terminated == "interval", scoring.specification

@@ -83,7 +83,7 @@ class StlParallelEnv(ParallelEnv[str, Single, Any], EzPickle):
         """Hold one action of every robot for `hold` steps.
 
         Returns:
-            By robot: the observation (D,), the reward, False, whether the time limit is reached, and an info with
+            Each robot's observation (D,), reward, False, whether the time limit is reached, and info. The info has
             `signals` (hold, k), the samples after each step, and `t`, the time of the last of them in steps.
         """
         if not self.agents:

@@ -109,10 +109,10 @@ class Scoring:
 
     reader: Reader
     made_by: MethodOf
-    specification: Specification  # what the method knows; it has the formula, in steps
+    specification: Specification  # the method knows nothing else; it has the formula, in steps
     scaled: bool
     terminated: EarlyEnd
-    discount: float  # with which the rewards that an early end leaves out are added up, in 0..1
+    discount: float  # in 0..1; it weighs the rewards that an early end leaves out
 
     @cached_property
     def method(self) -> RewardMethod:

@@ -23,11 +23,12 @@ class GymWorld(World):
     def __init__(self, task: GymTask, source: GymSource, count: int, *, drawn: bool = False) -> None:
         self._task, self._source, self._drawn = task, source, drawn
         self._copies = source.borrow(count, drawn=drawn)
-        weakref.finalize(self, source.give_back, self._copies, drawn=drawn)
+        weakref.finalize(self, source.give_back, self._copies, drawn=drawn)  # copies are dear to make: the next borrows
         self._seen = np.zeros((count, source.observed.size))
         self._last: list[tuple[Any, Mapping[str, Any]]] = [(None, {})] * count
         self.signals = np.zeros((count, len(source.signals)))
         self.ended, self.lived = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
+        # a class that reads signals or acts by hand may look at what `robot_step` leaves out of the info
         self._robots = source.function is None and type(task).controller is GymTask.controller
         self._robots = self._robots and all(map(is_robot, self._copies))
 
@@ -102,8 +103,8 @@ _ROBOTS = {
     "swimmer_v5:SwimmerEnv",
     "walker2d_v5:Walker2dEnv",
 }
-"""Modules and classes whose `step` simulates, ends where the robot is not healthy, if it knows health, and has in its
-info what a reset has, beside rewards and speeds."""
+"""Modules and classes of robots. Their `step` simulates, and ends an episode if a robot that knows health is not
+healthy. Its info has what a reset has, beside rewards and speeds."""
 
 
 def is_robot(env: Gym) -> bool:

@@ -94,7 +94,7 @@ def wrap(
         ranges: signal -> (low, high), about what it takes, in its unit. Methods scale their rewards by it.
         signals: signal -> expression over entries of the observation that have `names`, and over entries of the info,
             in the grammar that formulas have: {"theta": "atan2(y, x)"}. Or a function from observation and info of one
-            environment to signal -> number, which a vector environment calls for each copy. Where left out, each signal
+            environment to signal -> number, which a vector environment calls for each copy. If left out, each signal
             is the entry of its own name.
         names: of the entries of the observation, in their order; of a Dict observation {key: names of its entries}.
         scale: named entry -> about its largest magnitude, where its space has no ends; the same as in a task file.
@@ -105,8 +105,8 @@ def wrap(
 
             - "hold": the last sample stays to the end. The last reward has what the method would pay meanwhile.
             - "violated": the formula counts as violated; the robustness is a lower bound over all traces within the
-              ranges, or less, where a signal has left its range and the recorded samples make that sure. The last
-              reward has the method's `floor` for each step that is left.
+              ranges. It is less if a signal left its range and the recorded samples make that sure. The last reward
+              has the method's `floor` for each step that is left.
             - "interval": nothing is known but the ranges. `robustness` and `satisfied` are two numbers, over all
               continuations: least and greatest robustness; whether all satisfy the formula, and whether some do.
               Nothing more is paid, so a method whose rewards are negative then pays for ending early.
@@ -172,13 +172,13 @@ def steps_of(env: gymnasium.Env[Any, Any], steps: int | None) -> int:
     """The given number, else the time limit. Raises `UsageError`: neither, or more than the limit."""
     limit = _wrapped_limit(env)
     if steps is None:
-        return _known(limit or _registered(env))
+        return _known(limit or _registered(env))  # a user may have wrapped it with a shorter one than the registered
     return _within(steps, limit)
 
 
 def steps_of_copies(envs: VectorEnv[Any, Any, Any], steps: int | None, mode: AutoresetMode) -> int:
     """The same for a vector environment, which restarts at its own time limit and at no other step."""
-    inside = envs.unwrapped
+    inside = envs.unwrapped  # other vector environments have their copies in other processes, or none at all
     limit = (_wrapped_limit(inside.envs[0]) if isinstance(inside, SyncVectorEnv) else None) or _registered(envs)
     if steps is None:
         return _known(limit)

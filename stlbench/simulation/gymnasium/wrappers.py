@@ -148,7 +148,7 @@ class StlVectorWrapper(_Scored, gymnasium.vector.VectorWrapper[Any, Any, Any, An
         own = np.where(restarting, 0.0, _own(own, self.num_envs))
         if same_step and over.any():
             infos = self._finals(infos, self._entries(last, own, over, over), over)
-            own = np.where(over, 0.0, own)
+            own = np.where(over, 0.0, own)  # these infos now belong to a first sample, which nobody paid for
         judged = over & ~restarted
         self._start(restarted, signals)
         self._over = over
