@@ -115,6 +115,11 @@ def test_what_a_system_gives(name: str, function: Callable[..., Any], said: str)
         stepped(Probe(SPEC), Task(Choice("line"), line(hold=2).file, system))
 
 
+def test_finite_features_may_have_an_infinite_sum() -> None:
+    system = odd(Line, "Odd", features=lambda _, state, t: np.full((3, 2), 1e308))(0.5)
+    stepped(Raw(SPEC), Task(Choice("line"), line(hold=2).file, system))
+
+
 @pytest.mark.parametrize(
     ("action", "said"),
     [
