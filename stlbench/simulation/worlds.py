@@ -79,7 +79,7 @@ class SystemWorld(World):
 
 
 def scaled_times(steps: int) -> Array:
-    """The times 0..steps, from -1 to 1: (steps + 1, 1)."""
+    """The times 0..steps, from -1 to 1, never beyond 1 by rounding: (steps + 1, 1)."""
     return np.arange(steps + 1, dtype=np.int64)[:, None] * np.float64(2.0 / steps) - 1.0
 
 

@@ -11,7 +11,7 @@ from stlbench.contract import Array, Integers, World, WorldTask
 from stlbench.registry.choices import Choice
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
-from stlbench.simulation.worlds import make_world
+from stlbench.simulation.worlds import make_world, scaled_times
 from stlbench.task import build_method
 from stlbench.task.reading import read_task_file
 from stlbench.task.task import Task
@@ -73,3 +73,10 @@ def test_a_world_by_hand() -> None:
     assert world.advance(np.array([[1.0], [1.0]]), 2)[..., 0].tolist() == [[0, 0], [1, 1.5], [2, 3]]
     assert (world.ended.tolist(), world.state.shape) == ([False, True], (2, 0))
     assert world.by_hand(np.zeros(2, dtype=np.int64)) is None
+
+
+def test_scaled_times_never_leave_their_range() -> None:
+    """The space of a wrapped environment ends at 1; 49 * (2 / 49) - 1 is a rounding below it."""
+    ends = [float(scaled_times(steps)[-1, 0]) for steps in range(1, 3000)]
+    assert max(ends) == 1.0
+    assert min(ends) == 1.0 - 2**-52

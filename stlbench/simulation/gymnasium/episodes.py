@@ -152,7 +152,7 @@ class Episodes:
         self.t: Integers = np.zeros(count, dtype=np.int64)
         self._memory = np.zeros((count, scoring.method.memory_size))
         self._samples = np.full((count, self.steps + 1, signals), np.nan)
-        self._times = np.minimum(scaled_times(self.steps), 1.0)
+        self._times = scaled_times(self.steps)
         self._going, self._warned = np.zeros(count, dtype=np.bool_), False
 
     def start(self, rows: Integers, signals: Array) -> None:
