@@ -31,7 +31,7 @@ class At:
 
     def since_start(self, steps: int) -> At:
         """This step plus `steps`, which may be negative; step 0 where a number would be before it."""
-        if steps <= -END:
+        if steps <= -END:  # the past without an interval
             return At(0)
         moved = self + steps
         return At(max(0, moved.offset)) if self.variable is None else moved
@@ -91,7 +91,7 @@ class Plan:
     """The events and held conditions so far, with the intervals that the formula gives them."""
 
     def ordered(self, *steps: At) -> Iterator[Plan]:
-        """With the steps in this order; nothing where two of them cannot be."""
+        """The plan with the steps in this order; none if two of them cannot be."""
         rows = list[tuple[At, At]]()
         for earlier, later in pairwise(steps):
             if earlier.variable != later.variable:
@@ -101,18 +101,18 @@ class Plan:
         yield replace(self, rows=(*self.rows, *rows)) if rows else self
 
     def variable(self) -> tuple[Plan, At]:
-        """With one more variable."""
+        """The plan with one more variable, and the step that it is."""
         return replace(self, variables=self.variables + 1), At(0, self.variables)
 
     def window(self, low: At, high: At) -> Iterator[tuple[Plan, At, At]]:
-        """With a window of two new variables within `low`..`high`."""
+        """The plan with a window of two new variables within `low`..`high`, and its ends."""
         plan, begin = self.variable()
         plan, end = plan.variable()
         for each in plan.ordered(low, begin, end, high):
             yield each, begin, end
 
     def event(self, psi: Formula, stay: int, low: At, high: At) -> Iterator[Plan]:
-        """With an event that begins within `low`..`high`."""
+        """The plan with an event that begins within `low`..`high`."""
         if (known := _constant(psi)) is not None:
             yield from (plan for plan, _, _ in self.window(low, high) if known)
             return
@@ -125,7 +125,7 @@ class Plan:
                 yield replace(plan, events=events, asked=plan.asked | {asked})
 
     def holding(self, psi: Formula, low: At, high: At) -> Iterator[Plan]:
-        """With a condition that is held."""
+        """The plan with a condition that is held."""
         if (known := _constant(psi)) is not None:
             # one that never holds may still be held at no step at all
             yield from [self] if known else self.ordered(high + 1, low)
@@ -165,8 +165,7 @@ def _constant(psi: Formula) -> bool | None:
     return bool(stl.satisfied(psi, [[0.0]], ("any",)))
 
 
-MOST_PLANS = 400
-"""Alternatives of one formula that are looked at."""
+MOST_PLANS = 400  # alternatives of one formula that are looked at: each `or` may double their number
 MOST_VISITS = 12
 """Visits of one region by which an F inside of G is served. Methods learned nothing from more, at equal intervals."""
 
@@ -221,7 +220,7 @@ def _before(*steps: At) -> _Step:
 def _hold(plan: Plan, formula: Formula, low: At, high: At) -> _Plans:
     """The formula at every step of `low`..`high`."""
     if high.variable is None and high.offset < 0:
-        return iter([plan])  # the past begins at step 0
+        return iter([plan])  # nothing is asked of steps before 0
     if not is_temporal(formula):
         return plan.holding(formula, low, high)
     match formula:
@@ -251,7 +250,7 @@ def _some(plan: Plan, formula: Formula, low: At, high: At) -> _Plans:
         return iter(())
     if not is_temporal(formula):
         return plan.event(formula, 0, low, high)
-    if low.variable is not None and low.offset < 0:  # what looks ahead from before step 0 does not count
+    if low.variable is not None and low.offset < 0:  # an operator must not look ahead from before step 0
         plan, begin = plan.variable()
         return _all(plan, [_before(low, begin, high), _happens(formula, begin, high)])
     match formula:
@@ -349,7 +348,7 @@ class _Service:
             windows.append((begin, end))
         first, last = windows[0], windows[-1]
         steps = [_before(low.since_start(self.first), first[0]), _before(first[1], low + self.last)]
-        for (begin, end), (later, latest) in pairwise(windows):
+        for (begin, end), (later, latest) in pairwise(windows):  # no gap, if one visit is early and the next is late
             steps += [_before(end + 1, later), _before(latest, begin + (self.last - self.first + 1))]
         steps += [_before(high + self.first, last[0]), _before(last[1], high + self.last)]
         steps += [_before(begin, end) for begin, end in windows]

@@ -1,4 +1,5 @@
-"""Where conditions hold within the ranges of the signals, how far they are apart, and which exclude each other."""
+"""The regions of conditions within the ranges of the signals: their points, their distances, and which exclude each
+other."""
 
 from __future__ import annotations
 
@@ -34,6 +35,7 @@ class Regions:
         self._names = tuple(box)
         alike = len({units.get(name) or name for name in box}) == 1
         self._size = np.array([1.0 if alike else max(high - low, 1e-12) for low, high in box.values()])
+        # caches of this object: on a method, `lru_cache` would keep every object alive
         self._points: Callable[[Formula], Array | None] = lru_cache(maxsize=None)(self._found)
         self.exclusive: Callable[[Formula, Formula], bool] = lru_cache(maxsize=None)(self._exclusive)
         self.distance: Callable[[Formula | None, Formula], float] = lru_cache(maxsize=None)(self._distance)
@@ -46,6 +48,7 @@ class Regions:
         points, margins = _best_points(psi, self.box)
         if margins.max() < 0:
             return None
+        # where no point is so deep, as on a border alone, the deepest ones count
         deep = points[margins >= min(_DEEP * scale(psi, self.box).near, margins.max())]
         thinned: Array = deep[:: -(-len(deep) // _KEPT)]
         return thinned
@@ -81,9 +84,9 @@ class Regions:
         return None
 
     def _distance(self, origin: Formula | None, target: Formula) -> float:
-        """How far it is from where one condition holds to where another does; from the starts, in the mean, for None.
+        """The distance from where one condition holds to where another does; for None from the starts, in the mean.
 
-        0 where one of them holds nowhere, or where they read no signal in common.
+        It is 0 if one of them holds nowhere, or if they read no signal in common.
         """
         there = self._points(target)
         here = self._initial if origin is None else self._points(origin)

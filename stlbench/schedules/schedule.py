@@ -33,11 +33,12 @@ class Schedule:
 
 ALIKE = 0.9
 """Paces, or margins around witnesses, of at least this share of the greatest count as equal. The simplest schedule of
-these is taken."""
+these is taken: a goal less is worth more than a little time."""
 MOST_AROUND = 40
-"""Alternatives into which witnesses are fitted."""
+"""Alternatives into which witnesses are fitted. Each is a mixed-integer programme."""
 MOST_NODES = 1500
-"""Linear programmes that are solved for all alternatives of a formula, before the last one is begun."""
+"""Linear programmes that are solved for all alternatives of a formula, before the last one is begun. Hard formulas then
+take seconds."""
 
 
 def schedules(formula: Formula, regions: Regions, hold: int, last: int, share: float = 1.0) -> list[Schedule]:
@@ -63,16 +64,16 @@ def schedules(formula: Formula, regions: Regions, hold: int, last: int, share: f
 
 
 def _best_first(graded: Sequence[tuple[float, Schedule]], regions: Regions) -> list[Schedule]:
-    """By goals, terms and grade those of nearly the greatest grade, then the others by their grade."""
+    """The best first: those of nearly the greatest grade by goals, terms and grade, then the others by their grade."""
     enough = ALIKE * max(grade for grade, _ in graded)
     near = [each for each in graded if each[0] >= enough]
-    near.sort(key=lambda each: (*_goals_and_terms(each[1], regions), -round(each[0], 6)))
+    near.sort(key=lambda each: (*_goals_and_terms(each[1], regions), -round(each[0], 6)))  # the solver's last digits
     rest = sorted((each for each in graded if each[0] < enough), key=lambda each: -each[0])
     return [schedule for _, schedule in near + rest]
 
 
 def _goals_and_terms(schedule: Schedule, regions: Regions) -> tuple[int, int]:
-    """How many there are; what has to hold for a while, elsewhere than at the start, is a goal too."""
+    """How many goals and terms there are. A condition that is held for a while, not from the start on, is a goal."""
     terms = schedule.terms
     goals = [term for term in terms if term.kind != "G" or (term.a and regions.distance(None, term.psi))]
     held = sum(term.b - term.a for term in goals if term.kind == "G")
@@ -82,8 +83,8 @@ def _goals_and_terms(schedule: Schedule, regions: Regions) -> tuple[int, int]:
 def around(formula: Formula, regions: Regions, hold: int, last: int, traces: Array) -> Schedule | None:
     """The schedule whose windows leave the most time after witnesses have met them; None where there is none.
 
-    Where several leave nearly as much, it has the fewest goals, then the fewest terms. A witness is left out where
-    no windows serve it and those before it.
+    If several leave nearly as much, it has the fewest goals, then the fewest terms. A witness is left out if no
+    windows serve it and those before it.
 
     Args:
         formula, regions, hold, last: as for `schedules`.

@@ -16,12 +16,12 @@ from stlbench.schedules.plan import At, Event, Held, Plan
 from stlbench.schedules.regions import Regions
 
 MOST_NODES = 300
-"""Linear programmes that are solved for one plan. Where they do not suffice, as many again try to improve the order."""
+"""Linear programmes that are solved for one plan. If they do not suffice, as many again try to improve the order."""
 MOST_PACE = 1e4
-"""Where nothing has a distance, so that no way limits the pace."""
+"""The pace of a plan in which nothing has a distance, as no way limits it."""
 _TOLERANCE = 1e-6
 _FAST = 1.6
-"""So many times the pace a robot may have without having to wait for what is excluded before a goal."""
+"""A robot may be so many times as fast as the pace, and still need not wait before a goal."""
 _HELD_COST = 0.5
 """A held step costs this share of what a step in the width of a window is worth."""
 
@@ -140,7 +140,7 @@ class Programme:
         return _Rows.joined(self.ways), np.cumsum([0, *counts[:-1]])
 
     def _arrival(self, item: _Item) -> list[_Row]:
-        """From the start to an item."""
+        """The way from the start to an item."""
         distance = self._regions.distance(None, item.psi)
         if distance == 0:
             return []
@@ -197,7 +197,7 @@ class Programme:
         """Whether the rows leave room for each way, at any pace."""
         count = self.plan.variables + 1
         longest = np.full((count, count), -np.inf)
-        longest[-1] = 0.0  # no variable is below 0
+        longest[-1] = 0.0  # the last one stands for 0, and no variable is below it
         np.fill_diagonal(longest, 0.0)
         np.maximum.at(longest, (self.rows.earlier, self.rows.later), -self.rows.room)
         for middle in range(count):
@@ -261,9 +261,10 @@ class Programme:
         return f"{each.psi} in {begin}..{end}"
 
     def _settled(self, order: tuple[int, ...], share: float) -> Times:
-        """With the widest windows at this pace, in whole steps: rows are differences, so rounding down keeps them.
+        """The widest windows at this pace, in whole steps.
 
-        The order is complete: wider windows must not overlap where the narrow ones did not.
+        Rounding down keeps rows between whole numbers, as they are differences. A way may lose a part of a step. The
+        order is complete: wider windows must not overlap where the narrow ones did not.
         """
         solved = self._fastest(order)
         assert solved is not None
@@ -303,7 +304,7 @@ class Programme:
         return int(open_pairs[0]) if len(open_pairs) else None
 
     def _complete(self, order: tuple[int, ...], solved: _Point) -> tuple[int, ...]:
-        """With the pairs whose order is open, as they are apart in a solution."""
+        """The order of all pairs: open ones are added as they are apart in a solution."""
         rest = np.flatnonzero(self._open(order))
         return (*order, *(2 * rest + ~self._are_apart(solved)[rest, 0]).tolist())
 
@@ -318,7 +319,7 @@ class Programme:
         if not self.pairs:
             return np.ones((0, 2), dtype=bool)
         rows, starts = self._all_ways
-        kept = rows.left(solved.values, solved.pace) >= -1e-5
+        kept = rows.left(solved.values, solved.pace) >= -1e-5  # wider than the solver's own tolerance, 1e-7 a row
         return np.logical_and.reduceat(kept, starts).reshape(-1, 2)
 
     def _with(self, order: Sequence[int], further: Sequence[_Row] = ()) -> _Rows:

@@ -15,7 +15,8 @@ from stlbench.schedules.plan import At, Event, Held
 from stlbench.schedules.times import Programme, Times
 
 _SECONDS = 2.0
-"""For one programme, at most. It takes milliseconds, unless witnesses meet a region many times."""
+"""Seconds for one programme, at most. It takes milliseconds, unless witnesses meet a region many times. One that is
+stopped may have other windows on another machine."""
 
 
 def times_around(programme: Programme, traces: Array, names: Sequence[str]) -> tuple[int, Times] | None:
@@ -44,7 +45,7 @@ def times_around(programme: Programme, traces: Array, names: Sequence[str]) -> t
     found = model.solved(margin, 0)
     if found is None:
         return None
-    least = int(found[model.margin] + 1e-6)
+    least = int(found[model.margin] + 1e-6)  # whole but for the solver's tolerance
     widest = model.solved(programme.narrow, least)
     values = np.round(found if widest is None else widest)
     return least, Times(0.0, tuple(values[: programme.plan.variables].astype(int).tolist()))
@@ -60,7 +61,7 @@ class _Model:
     """Variables: those of the plan; the margin; then steps at which events are met, and choices, which are 0 or 1."""
 
     def __init__(self, programme: Programme, samples: int) -> None:
-        self._items, self._big = programme.items, 4.0 * samples
+        self._items, self._big = programme.items, 4.0 * samples  # no row of four steps and a gap is broken by more
         self.margin = programme.plan.variables
         self._choice = [False] * (self.margin + 1)
         self._rows, self._most = list[dict[int, float]](), list[float]()
