@@ -78,7 +78,7 @@ class Box:
         low, high = self.region.low, self.region.high
         points = np.tile(low, (len(unit), 1))
         points[:, self.free] += np.clip(unit, 0.0, 1.0) * (high - low)[self.free]
-        return np.minimum(points, high)
+        return np.minimum(points, high)  # low + (high - low) may round to more
 
     def inside(self, points: Array) -> Truth:
         where = self.region.where
@@ -102,7 +102,7 @@ class Box:
 Verdict = Literal["violated", "open", "satisfied"]
 """The verdict on one episode; open if it ended early and some continuations satisfy."""
 VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")  # the worst first
-_NUMBERS = 2**22  # the most numbers in the traces that are simulated at once
+_NUMBERS = 2**22  # the most numbers in the traces that are simulated at once: 32 MiB
 
 
 class Unsearchable(UsageError):

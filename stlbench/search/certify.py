@@ -140,9 +140,9 @@ def certify(
         satisfied += int(played.satisfied.sum())
         open_ += int((played.possible & ~played.satisfied).sum())
         starts += count
-        interval = share_sequence(satisfied, starts, claim.confidence)
+        interval = share_sequence(satisfied, starts, claim.confidence)  # it holds however often somebody looks
         progress(starts, satisfied)
-    if not claim.sequential:
+    if not claim.sequential:  # nobody looked before the end, so the narrower exact interval holds
         interval = share_interval(satisfied, starts, claim.confidence) or interval
     return Certificate(actor, claim, starts, satisfied, open_, interval, time.process_time() - began)
 

@@ -36,7 +36,7 @@ class Falsification:
     """
 
     actor: Actor
-    how: How  # with the name of the optimiser that was used
+    how: How  # it has the name of the optimiser that was used
     evaluations: int  # episodes that were simulated
     first: int | None  # the first of them, from 1, with the verdict of the worst start; None if all satisfied
     worst: Worst

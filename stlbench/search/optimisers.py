@@ -76,7 +76,7 @@ class Objective:
             values[~inside] = FAR + box.violation(points[~inside])
         self._points += len(points)
         if inside.any():
-            values[inside] = np.minimum(self.of_points(points[inside]), FAR)
+            values[inside] = np.minimum(self.of_points(points[inside]), FAR)  # robustness may be infinite
         if self._points >= _OUTSIDE * self.evaluations:
             raise Enough
         return values
@@ -145,11 +145,11 @@ def differential_evolution(objective: Objective, seed: int) -> None:
         minimise(
             lambda points: objective.of_cube(points.T),
             [(0.0, 1.0)] * size,
-            maxiter=objective.evaluations,
-            popsize=max(5, -(-_POPULATION // size)),
+            maxiter=objective.evaluations,  # so many that `Enough` ends it
+            popsize=max(5, -(-_POPULATION // size)),  # points for each coordinate, however many these are
             init="halton",
             tol=1e-2,
-            polish=False,
+            polish=False,  # it would ask for one value at a time
             updating="deferred",
             vectorized=True,
             rng=generator,
@@ -172,7 +172,7 @@ def direct(objective: Objective, seed: int) -> None:
     """Dividing rectangles (D. Jones and others 1993), one search in each part of the cube; it has no randomness."""
     from scipy import optimize
 
-    most = objective.evaluations
+    most = objective.evaluations  # with tolerances of 0, nothing but these ends a search
     _in_parts(objective, partial(optimize.direct, maxfun=most, maxiter=most, vol_tol=0.0, len_tol=0.0))
 
 
@@ -183,6 +183,7 @@ def shgo(objective: Objective, seed: int) -> None:
     """
     from scipy import optimize
 
+    # a quarter of the evaluations samples, the rest searches locally; Sobol's points are even in powers of 2 alone
     each = 1 << max(4, (objective.evaluations // (4 * len(_parts(objective)))).bit_length() - 1)
     _in_parts(objective, partial(optimize.shgo, n=each, iters=1, sampling_method="sobol"))
 
@@ -215,7 +216,7 @@ DEFAULT, OF_SEEDS = "differential-evolution", "random"
 """The optimisers of states and of seeds, unless the user names one."""
 
 
-Scalar = Callable[[Array], float]  # from a point (d,) to its value
+Scalar = Callable[[Array], float]  # the value of a point (d,)
 
 
 class _Stopped(Exception):
@@ -249,6 +250,7 @@ def side_by_side(searches: Sequence[Callable[[Scalar], object]], values: Callabl
         thread.start()
     try:
         while going:
+            # threads ask in any order: by their numbers, the batches are the same in each run
             points = dict(sorted((questions.get() for _ in going), key=itemgetter(0)))
             for number in [number for number, point in points.items() if not isinstance(point, np.ndarray)]:
                 going.remove(number)
