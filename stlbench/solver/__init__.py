@@ -1,1 +1,1 @@
-"""From an environment and a formula to a certified policy: `stlbench solve`."""
+"""`stlbench solve` makes a certified policy from an environment and a formula."""

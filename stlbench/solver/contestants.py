@@ -1,4 +1,4 @@
-"""Who races: methods that fit a task, each with an agent, and which result of theirs is better."""
+"""The contestants of a race: methods that fit a task, each with an agent, and which result of theirs is better."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from stlbench.tracks.auto import automatic, scheduled
 
 _MOST = 4  # contestants
 _LONG = 20
-"""From so many minutes on a second agent races too."""
+"""A second agent races too if there are at least so many minutes."""
 
 
 def rank(result: Result) -> tuple[float, float]:
@@ -54,7 +54,7 @@ class Contestant:
 
     @classmethod
     def of(cls, result: Result) -> Contestant:
-        """Who trained."""
+        """The contestant that trained."""
         return cls(str(result.id.method), str(result.id.agent.without(INIT)), result.id.task)
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ def resumes(agent: str) -> bool:
 def contestants(task: Task, minutes: float, known: Contestant | None = None) -> tuple[Contestant, ...]:
     """At most four: methods that fit with the task's agent, and with much time the first of them with another agent.
 
-    Alone the one that trained the policy from which all start, if there is such a policy.
+    If all start from a policy, it is the one that trained this policy alone.
     """
     if known is not None:
         return (again(known, task),)
@@ -87,7 +87,7 @@ def contestants(task: Task, minutes: float, known: Contestant | None = None) -> 
 
 
 def again(known: Contestant, task: Task) -> Contestant:
-    """Who trained, on another task: on its formula as it is if it was so, else by its schedule."""
+    """The contestant that trained, on another task: on its formula as it is if it was so, else by its schedule."""
     bare = dict(known.task.parameters).get("without") == "schedule" and scheduled(task) is not None
     return replace(known, task=UNSCHEDULED if bare else TASK)
 
@@ -107,7 +107,7 @@ def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:
 
 
 def playing(contestant: Contestant, course: Array, path: Path) -> Path | None:
-    """Where a policy is written that plays a course of actions (decisions, axes); None where the agent has none."""
+    """The path of a policy that plays a course of actions (decisions, axes); None if the agent has none."""
     task = automatic(load_task(contestant.task), contestant.agent)
     environment = BatchEnvironment(task, build_method(task, contestant.method), 1, seed=0)
     policy = build_agent(task, contestant.agent).playing(course, environment)

@@ -104,7 +104,7 @@ class Delivery:
         return facts
 
     def _starts(self, actor: Actor) -> int:
-        """As many as a part of the time lets act."""
+        """The starts of the certificate: as many as a share of the time lets the policy act from."""
         points = space_of(actor.task).draw(np.random.default_rng(0), _TIMED)
         began = time.perf_counter()
         actor.play(points)
@@ -260,7 +260,7 @@ def sentence(facts: Mapping[str, Any]) -> str:
     if facts["low"] is None:
         return "The task has a single start, from which the policy satisfies."
     counted = f"{facts['satisfied']} of {facts['starts']} fresh starts"
-    share = f"{100 * np.floor(1e3 * facts['low']) / 1e3:.1f} %"
+    share = f"{100 * np.floor(1e3 * facts['low']) / 1e3:.1f} %"  # rounded down, as a claim must not exceed its proof
     return f"It satisfies from at least {share} of the starts, {100 * facts['confidence']:g} % confidence ({counted})."
 
 

@@ -15,7 +15,7 @@ from stlbench.records.result import Result
 from stlbench.search.actor import of_cell, space_of
 
 _SEED = 1
-"""The number of fresh starts; those of a certificate have another."""
+"""The seed of the fresh starts; those of a certificate have another."""
 
 
 class Outlook(NamedTuple):

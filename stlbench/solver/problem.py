@@ -102,7 +102,7 @@ def _demands(formula: Formula, begin: int, end: int, throughout: bool) -> Iterat
         case Always(a, b, arg) if end + a <= begin + b:  # whichever the sample is, these are among its own
             yield from _demands(arg, end + a, begin + b, True)
         case Eventually(a, b, arg) if surely:
-            for sample in {begin, end}:
+            for sample in {begin, end}:  # fewer demands than there are prove less, and nothing false
                 yield from _demands(arg, sample + a, sample + b, False)
         case Eventually(a, b, arg):
             yield from _demands(arg, begin + a, end + b, False)
@@ -343,7 +343,7 @@ def _parsed(text: str, dt: float | None = None) -> stl.Formula:
     try:
         return stl.parse(text, dt=dt)
     except (ValueError, TypeError) as error:
-        raise UsageError(f"formula: {error}") from error  # of several lines, with a caret below the place
+        raise UsageError(f"formula: {error}") from error  # it has several lines, with a caret below the place
 
 
 def _formula(text: str, dt: float | None, known: set[str]) -> stl.Formula:

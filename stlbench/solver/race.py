@@ -54,7 +54,7 @@ _PROMISING_SHARE = 0.5
 """A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
 race ends, and it trains on."""
 _FIRST_RUNG_EPISODES = 100
-"""Episodes of the first rung. Where the time does not suffice for so many, fewer methods race."""
+"""Episodes of the first rung. If the time does not suffice for so many, fewer methods race."""
 _MOST_WINNER_STEPS = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
 _TWO_SEEDS_SECONDS = 1.5
@@ -66,7 +66,7 @@ _SIDE_BY_SIDE = 2
 _OVERTIME = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
 _HANGING_SECONDS = 600.0
-"""Seconds after which a training is stopped that does not reach its checkpoints, beside three times its own."""
+"""Seconds that a training may take beyond three times its own. Only one that hangs takes longer, and is stopped."""
 
 
 @dataclass
@@ -112,7 +112,7 @@ class Trainer:
     ) -> list[Result]:
         """The results of these cells, the best first; perhaps from a policy.
 
-        They end with the first that is `enough`. Where the time before the delivery is too short no more begin, but
+        They end with the first that is `enough`. If the time before the delivery is too short, no more begin, but
         those that run side by side all end. A study has one task and one agent.
         """
         half, ended = (self.workspace.task.budget(budget).seconds or 0.0) / 2, list[Result]()
@@ -152,7 +152,7 @@ class Trainer:
         racing = list(
             contestants(self.workspace.task, self.clock.minutes, None if self.start is None else self.start.trained_by)
         )
-        # no probe may last: a slow environment would use up all time before anything is known of its speed
+        # seconds end the probe: its steps could take all time, as nothing is known of the speed yet
         steps, seconds = self.workspace.task.budget("probe").steps, _PROBE_SHARE * 60 * self.clock.minutes
         self._write("probe", steps, seconds, checkpoints=_PROBE_CHECKPOINTS, patience=_PATIENCE)
         (probe,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
@@ -173,7 +173,7 @@ class Trainer:
             racing = list(along(racing, choices))
         if _satisfies(best):
             return best
-        methods = self.workspace.state["methods"]  # of a race that was stopped
+        methods = self.workspace.state["methods"]  # a race that was stopped has them
         racing = racing[: self._plan(racing, probe) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
@@ -181,6 +181,7 @@ class Trainer:
                 f"{each}" if each.agent == racing[0].agent else f"{each} with {each.agent}" for each in racing
             )
             self.say(f"race, rung {rung}: {names}; {_score(best)}")
+            # another seed in each rung, so that a lucky one does not carry a method to the end
             ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], self._is_promising)
             best = max(ranked[0], best, key=rank)
             racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
@@ -266,7 +267,7 @@ class Trainer:
         )
 
     def _is_promising(self, result: Result) -> bool:
-        """Not so where the best policy was one moment of an unstable training, or hardly better than a baseline."""
+        """Whether it learns: not if it hardly beats a baseline, or was good for one moment of an unstable training."""
         if result.measurement is None:
             return False
         stated = self.workspace.task.file.baselines
@@ -348,7 +349,7 @@ class Trainer:
     def _plan_more(self, budget: str, best: Result) -> bool:
         """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""
         if budget in self.workspace.task.file.budgets:
-            return True  # of a solve that was stopped
+            return True  # a solve that was stopped has written it
         apart, each = _cost(best)
         assert best.measurement is not None
         if self._left < 2 * (apart + tries.least(self.workspace.task) * each):

@@ -44,7 +44,7 @@ def solve(
     jobs: int | None = None,
     progress: bool = False,
 ) -> Solution:
-    """From an environment and a formula to a policy with a certificate: `stlbench solve` in Python.
+    """Make a policy with a certificate from an environment and a formula: `stlbench solve` in Python.
 
     A folder keeps the work that is done. After an interrupt the best policy so far is written there, with a certificate
     from few starts, and `KeyboardInterrupt` is raised. The same call goes on.

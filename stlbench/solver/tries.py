@@ -71,7 +71,8 @@ def search(task: Task, seconds: float, begun: Array, near: Nearest | None = None
         best = np.concatenate([best, pool])
         traces = np.concatenate([traces, played.traces]) if len(traces) else played.traces
         scores = np.concatenate([scores, np.stack([verdicts.robustness[:, 0], played.lasted], axis=1)])
-        order = np.lexsort((scores[:, 1], scores[:, 0]))[::-1][:_ELITE]  # of equal ones the episode that lasted
+        # early ends have one robustness under `violated`: of these the episode that lasted longest is the best
+        order = np.lexsort((scores[:, 1], scores[:, 0]))[::-1][:_ELITE]
         best, scores, traces = best[order], scores[order], traces[order]
         if scores[0, 0] > 0 or time.perf_counter() - clock > seconds:
             actions = task.actions
@@ -86,7 +87,7 @@ def _changed(task: Task, generator: np.random.Generator, elite: Integers | Array
     parents = generator.integers(kept, size=(COPIES, 2))
     which = np.where(generator.random((COPIES, pieces)) < 0.5, parents[:, :1], parents[:, 1:])
     children = elite[which, np.arange(pieces)]
-    if not isinstance(task.actions, ActionGrid):
+    if not isinstance(task.actions, ActionGrid):  # the indices of a grid know no small change
         low, high = np.array(task.actions.low), np.array(task.actions.high)
         noise = _SPREAD * (high - low) * generator.standard_normal(children.shape)
         children = np.clip(children + noise, low, high)
@@ -175,7 +176,7 @@ def _is_flag(task: Task, name: str) -> bool:
 
 
 def of_search(nearest: Nearest | None) -> str:
-    """The outcome of a search for a witness; None where there was none."""
+    """The outcome of a search for a witness in words; `nearest` is None if there was no search."""
     if nearest is None:
         return "no witness was searched: an episode takes too long for the minutes"
     tried = f"{nearest.episodes} episodes of held actions from one start"

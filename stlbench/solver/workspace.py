@@ -174,9 +174,10 @@ def workspace_of(
 ) -> Workspace:
     """Write the task file of a problem, or go on with the one that is there. It takes a small part of the minutes.
 
-    Raises `UsageError`: no such environment or task, a formula that does not fit it, a constant signal, an environment
-    that ends at once or is too slow for the minutes, or a folder that has another problem, code that is not this
-    problem's, or links.
+    Raises:
+        UsageError: there is no such environment or task, the formula does not fit it, or a signal is constant. The
+            environment ends at once, or is too slow for the minutes. The folder has another problem, code that is not
+            this problem's, or links.
     """
     asked, home = folder / _ASKED, folder / TASK.name
     for path in folder.iterdir() if folder.is_dir() else ():
@@ -194,7 +195,7 @@ def workspace_of(
         )
     try:
         state = {"problem": problem.facts} | _prepared(problem, home, 60 * minutes, say)
-    except BaseException:
+    except BaseException:  # ctrl-C too: the next call would refuse half a folder
         shutil.rmtree(home, ignore_errors=True)
         raise
     write(asked, json.dumps(state, indent=1))
@@ -237,8 +238,8 @@ def _state(folder: Path) -> dict[str, Any]:
 def _refuse_other_code(problem: Problem, home: Path) -> None:
     """Raise `UsageError` if the folder of the task has anything that runs and that this problem would not write there.
 
-    The folder may be of a stranger who knows the problem. What Python compiled there is deleted, as it may be of
-    another source.
+    The folder may come from a stranger who knows the problem. Files that Python compiled there are deleted, as they may
+    have another source.
     """
     for path in home.glob("*"):
         inside(path, home)
