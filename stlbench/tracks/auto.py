@@ -34,7 +34,7 @@ from stlbench.task.starts import sample
 from stlbench.task.task import Task
 
 _FEW = 8
-"""Copies of an environment whose first samples are looked at; of a system eight times as many."""
+"""Copies of an environment whose first samples are looked at. A system has eight times as many, as copies are cheap."""
 
 Relation: TypeAlias = Literal["equivalent", "stronger", "weaker"]
 """The relation of a new formula to the one before. The same traces satisfy it; some of these alone;
@@ -51,9 +51,9 @@ class Rewrite:
 
 
 def alternatives(task: Task) -> tuple[Schedule, ...]:
-    """The schedules of a task's formula, the best first; none where the formula is a schedule already.
+    """The schedules of a task's formula, the best first; there are none if the formula is a schedule already.
 
-    Raises `UnscheduledError` where there is none, with the operator or the step and the reason.
+    Raises `UnscheduledError` if no schedule is found. It names the operator or the step, and the reason.
     """
     file = task.file
     return _alternatives(file.formula, regions(task), file.hold, file.steps)
@@ -103,8 +103,8 @@ def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
     """The formulas from the task's own to the one that methods are given; rules that change nothing are left out.
 
     Args:
-        file: of a task, with its schedule where it has one.
-        initial: samples (n, k) at the start of episodes.
+        file: the file of a task, with its schedule if it has one.
+        initial: samples (n, k) of the signals at the start of episodes.
     """
     found = [Rewrite("task", "equivalent", file.formula)]
 
@@ -135,25 +135,26 @@ def initial_samples(task: Task) -> Array:
 
 
 _REACH = 20
-"""Steps that a discount reaches over, at least. With 10, a pole on a cart was learned in 15 of 24 runs; now in 20."""
+"""Fewest steps that a discount reaches over. A pole on a cart was learned in 15 of 24 runs with 10, in 20 with 20."""
 _MOST = 0.98
-"""The greatest discount for continuous actions. With 0.95 a goal that is reached late, as by a swing, fails."""
+"""The greatest discount for continuous actions. It was chosen for MountainCar, whose goal comes late after a swing: no
+seed learned it with 0.95."""
 
 PATIENCE = 3
-"""Checkpoints without a better one after which a training may end at one that satisfies, where its budget does not
-say."""
+"""A training may end after this many checkpoints without a better one, at one that satisfies; a budget may say
+another number."""
 EPISODES = 900
-"""The fewest episodes of the budget `quick`."""
+"""The fewest episodes of the budget `quick`. Reported seeds led to it: with fewer, `ball-in-cup` failed."""
 EXPLORED = 0.25
 """Share of the decisions in training that belong to episodes which begin at a random time."""
 LENGTH = 40
 """Decisions after which such an episode is broken off, on average; at most half of the task's."""
 _FEWEST = 16
-"""States, of those drawn, that fulfil a goal; otherwise no episodes begin there."""
+"""Episodes begin where a goal holds if so many of the states drawn fulfil it. Fewer would be the same starts again."""
 
 
 def for_every_method(task: Task, agent: str, track: Track) -> Task:
-    """The task that every method of a track trains on: by the rules (`auto`), without help (`plain`), or as it is."""
+    """The task that a track's methods all train on: with the rules' help (`auto`), with none (`plain`), or as it is."""
     if track == "auto":
         return automatic(task, agent)
     if track == "plain":  # the agent has no recipe there, and so trains with its defaults
@@ -163,9 +164,9 @@ def for_every_method(task: Task, agent: str, track: Track) -> Task:
 
 
 def automatic(task: Task, agent: str) -> Task:
-    """The task with the help by the rules that it does not leave out, and none by hand, for training with an agent.
+    """The task with the rules' help for training with an agent, and with no help by hand.
 
-    Raises `UsageError` where it leaves out what no rule derives for it.
+    The parts that the task leaves out are left out. Raises `UsageError` if no rule derives such a part.
     """
     schedule = scheduled(task)
     if "schedule" in task.left_out:
@@ -207,7 +208,7 @@ def _helped(task: Task, agent: str) -> TaskFile:
 
 
 def _budget(name: str, budget: Budget, steps: int) -> Budget:
-    """With patience; `quick` has 900 episodes of so many steps at least."""
+    """The budget with patience; `quick` has 900 episodes of so many steps at least."""
     times = max(1.0, EPISODES * steps / budget.steps) if name == "quick" else 1.0
     longer = {"steps": round(times * budget.steps), "checkpoints": ceil(times * budget.checkpoints)}
     return budget.model_copy(update={**longer, "patience": budget.patience or PATIENCE})
@@ -216,9 +217,9 @@ def _budget(name: str, budget: Budget, steps: int) -> Budget:
 def recipe(agent: str, task: Task) -> dict[str, Any]:
     """The agent's parameters: those of its class's `recipe`, of which rules change `gamma`, and the task's own grid.
 
-    The discount reaches over 20 steps, 1 - hold / 20, at least. With G F p, it reaches over the longest window of F, of
-    W decisions: it is at least 1 - 1 / (2.5 W). For continuous actions it reaches over a quarter of the episode's D
-    decisions, 1 - 4 / D, but is at most 0.98.
+    The discount is at least 1 - hold / 20, and so reaches over 20 steps. The formula G F p asks for a reach over the
+    longest window of F: at least 1 - 1 / (2.5 W) for W decisions. Continuous actions ask for a quarter of the episode's
+    D decisions: at least 1 - 4 / D, but no more than 0.98.
     """
     parameters = _declared(agent)
     if (grid := task.recipe(agent).get("grid")) is not None:
@@ -245,9 +246,9 @@ def _declared(agent: str) -> dict[str, Any]:
 
 
 def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
-    """The steps at which the next goal changes: the ends of the windows of all goals but the last, decisions' ones.
+    """The steps at which the next goal changes: the ends of the goals' windows but the last, up to whole decisions.
 
-    There is no cut where a goal that has to hold at once follows, as in a tube: a robot has to be there in time.
+    There is no cut if the next goal has to hold at once, as in a tube: a robot has to be there in time.
     """
     goals = [window for window in windows(formula) if not window.invariant]
     at_once = {window.begin for window in goals if window.throughout}
@@ -259,12 +260,12 @@ def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
 def _ends(task: Task) -> tuple[Ending, ...]:
     """The conditions that end training episodes early, which pays the floor.
 
-    A robot that can fall: where a signal that a long invariant reads leaves its range. A long invariant is one of half
-    of the task or more. Another robot, as one that leaves a room, comes back: a punishment would keep it from goals
-    near the walls.
+    A robot that can fall ends an episode when a signal leaves its range, if a long invariant reads that signal. A long
+    invariant lasts for half of the task or more. Another robot, as one that leaves a room, comes back: a punishment
+    would keep it from goals near the walls.
 
-    An environment that ends episodes: where that violates with the last sample held. Otherwise a pole that falls
-    towards its goal is paid for its place to the end.
+    An environment that ends episodes itself pays the floor if the formula is lost with the last sample held. Otherwise
+    a pole that falls towards its goal is paid for its place to the end.
     """
     file = task.file
     if not isinstance(task.dynamics, System):
@@ -278,28 +279,30 @@ def _ends(task: Task) -> tuple[Ending, ...]:
 
 
 def _lasting(parts: Sequence[Window], file: TaskFile) -> list[Window]:
-    """The invariants. A schedule's are those that last as long as its goals: a shorter one may exclude a later goal."""
+    """The invariants; a schedule has only those as long as its goals, as a shorter one may exclude a later goal."""
     last = max((part.end for part in parts if not part.invariant), default=0)
     return [part for part in parts if part.invariant and (file.schedule is None or part.end >= last)]
 
 
 def _exploring(task: Task) -> Exploring | None:
-    """Episodes that begin at a random time, in states met before or where the invariants hold within the ranges.
+    """Episodes that begin at a random time, in states met before or in states drawn from the ranges.
 
-    Half of the latter are states where a goal holds. Where no range is of a coordinate, they are initial states. There
-    are no such episodes where no state can be set.
+    The invariants hold in the states drawn, and a goal holds in half of them. They are initial states if no coordinate
+    has a range. An environment whose state cannot be set has no such episodes.
     """
     if not isinstance(task.dynamics, System):
         return None
     assert task.file.initial is not None
     decisions = task.file.decisions
     length = max(1, min(LENGTH, decisions // 2))
+    # The share of episodes is greater than that of decisions, as these have `length` decisions and others have all.
     share = EXPLORED * decisions / (EXPLORED * decisions + (1 - EXPLORED) * length)
     box = dict[str, tuple[float, float]]()
     for name, (low, high) in task.file.initial.box.items():
         least, greatest = task.file.box.get(name, (low, high))
         box[name] = min(low, least), max(high, greatest)
     parts = windows(task.file.followed)
+    # A state drawn has values of its coordinates only, so a condition on another signal cannot be asked of it.
     held = [part.psi for part in _lasting(parts, task.file) if {*stl.signals(part.psi)} <= {*box}]
     if not {*box} & {*task.file.box} and task.file.initial.where is not None:
         held.append(task.file.initial.where)

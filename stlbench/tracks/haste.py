@@ -1,7 +1,7 @@
 """Whether the windows of a formula leave time for the ways between its goals, beside what held actions reach.
 
-A robot whose actions are held at random moves in no direction that anybody chose. Where none of many goes so far in so
-few steps, it may still be possible: so this warns and refuses nothing.
+A robot whose actions are held at random moves in no direction that anybody chose. A way that none of many such robots
+goes in so few steps may still be possible. So this warns and refuses nothing.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _COPIES, _PIECES = 32, 20
 def too_fast(task: Task) -> str | None:
     """The two goals that follow each other too fast, their windows, and the steps that are missing.
 
-    The goals are those of the schedule, or of the formula where it is one. None where all have time, or where there is
-    neither.
+    The goals are those of the schedule, or of the formula if it is one itself. The answer is None if there is neither,
+    or if all goals have time.
     """
     schedule = scheduled(task)
     try:
@@ -59,7 +59,7 @@ def too_fast(task: Task) -> str | None:
 
 
 def _held(task: Task) -> Integers | Array:
-    """Actions (copies, pieces, ...), which of half of the copies are at the ends of their ranges."""
+    """Actions (copies, pieces, ...). Half of the copies have them at the ends of their ranges, as fast robots need."""
     pieces = min(_PIECES, task.file.decisions)
     found = held_at_random(task.actions, np.random.default_rng(0), _COPIES, pieces)
     if not isinstance(task.actions, ActionGrid):

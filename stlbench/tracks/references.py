@@ -30,14 +30,14 @@ class References:
     """The reference scores of one task and of its ablations."""
 
     by_hand: Score | None = None  # the score of its controller, from the report's starts; None without one
-    best_known: BestKnown | None = None  # as the task file says; None where it says nothing
+    best_known: BestKnown | None = None  # from the task file; None if it says nothing
     own_agent: str | None = None
     """The agent that the task is trained with unless another is named; None where nobody knows."""
-    at_random: Score | None = None  # what actions at random get from the same starts; None where nobody knows
-    zero: Score | None = None  # what the action zero gets from them
-    constant: Score | None = None  # what the best constant action gets from them
+    at_random: Score | None = None  # the score of random actions, from the same starts; None if it is not known
+    zero: Score | None = None  # the score of the action zero, from the same starts
+    constant: Score | None = None  # the score of the best constant action, from the same starts
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
-    """Those of the given methods that pay the same (`equal_payments`)."""
+    """Pairs of methods that pay the same (`equal_payments`)."""
     groups: Mapping[str, str] = field(default_factory=dict)
     """The system, template and so on of a task that a suite drew (`Suite.groups`)."""
     trivial: bool = False
@@ -99,13 +99,12 @@ _OF_SCORES: tuple[Callable[[Choice], Question[Any]], ...] = (by_hand, at_random,
 
 
 def references(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, References]:
-    """Name of a task -> what its policies are compared with, in the order given.
+    """Name of a task -> the scores that its policies are compared with, in the order given.
 
-    Tasks that cannot be loaded are left out, as results may come from another machine. It takes seconds for a
-    controller on a MuJoCo model, and for baselines that no task file states. A `PluginWarning` says why there is no
-    answer.
+    Tasks that cannot be loaded are left out, as results may come from another machine. A controller on a MuJoCo model
+    takes seconds, and so do baselines that no task file states. A `PluginWarning` says why there is no answer.
     """
-    by_task = dict[Choice, list[Setting]]()
+    by_task = dict[Choice, list[Setting]]()  # an ablation is compared with the scores of its whole task
     for setting in settings:
         by_task.setdefault(Choice(setting.task.name), []).append(setting)
     facts = answers(list(map(about, by_task)), ask)
