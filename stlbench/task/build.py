@@ -24,8 +24,8 @@ from stlbench.task.task import Task
 def build_method(task: Task | Specification, choice: Choice | str) -> RewardMethod:
     """The chosen method, with its parameters, for a task, or for a specification alone.
 
-    Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` unless `scale` is positive and finite, `floor`
-    finite, and sizes at least 0.
+    Raises `Intractable`, `Unsuitable`, `UsageError`, and `ValueError` if `scale`, `floor` or a size is out of range:
+    `scale` is positive and finite, `floor` is finite, and sizes are at least 0.
     """
     given = task if isinstance(task, Specification) else task.specification
     method = cast(RewardMethod, plugins.build("methods", choice_of(choice), given))
@@ -42,9 +42,9 @@ def build_method(task: Task | Specification, choice: Choice | str) -> RewardMeth
 def fitting_methods(
     task: Task | Specification, choices: Iterable[Choice | str] | None = None
 ) -> dict[str, RewardMethod]:
-    """Those of the chosen methods, else of all installed, that can be built, by the text of the choice.
+    """The methods that can be built, of those chosen or else of all installed, by the text of the choice.
 
-    A `PluginWarning` names one that raises what the contract does not name.
+    A method that raises another error than the contract names is left out with a `PluginWarning`.
     """
     methods = dict[str, RewardMethod]()
     name = task.formula if isinstance(task, Specification) else f"task {task.name}"
@@ -66,7 +66,8 @@ def aim_of(formula: Formula) -> Aim:
 def in_turn(fitting: Mapping[str, RewardMethod], aim: Aim) -> tuple[str, ...]:
     """The names of methods that fit a formula, in the order in which to try them.
 
-    First those with a place for the aim (`RewardMethod.preference`); then those inside their source's form, by inputs.
+    Methods with a place for the aim come first (`RewardMethod.preference`). Then come methods inside their source's
+    form, and those with fewer inputs.
     """
 
     def order(name: str) -> tuple[float, bool, int, str]:
@@ -84,7 +85,7 @@ INIT = "init"
 def build_agent(task: Task, choice: Choice | str) -> Agent:
     """The chosen agent with the task's recipe, or its defaults; the parameters of the choice override both.
 
-    Raises `UsageError`, and `Unsuitable` where the agent cannot train on this machine.
+    Raises `UsageError`, and `Unsuitable` if the agent cannot train on this machine.
     """
     choice = choice_of(choice).without(INIT)
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))
@@ -92,7 +93,7 @@ def build_agent(task: Task, choice: Choice | str) -> Agent:
 
 _SAMPLES = 256
 _EXACT = 1e-9
-"""In units of the larger scale of two methods: differences within it count as equal."""
+"""Differences within this share of the larger scale of two methods count as equal: sums round in another order."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Difference:
     one: str
     other: str
     constant: float | None
-    """The surplus of the one's pay over the other's, where that is the same at all times; None where it changes."""
+    """The surplus of the one's pay over the other's, if it is the same at all times; None if it changes."""
 
     def __str__(self) -> str:
         """ "funnel is raw minus 0.99 at all times"."""
@@ -119,15 +120,15 @@ class Paid:
     """The pay of a method."""
 
     rewards: Array
-    """At random samples, the same for all methods of a task, and at all times: (T, samples)."""
+    """(T, samples): at all times, at random samples that are the same for all methods of a task."""
     scale: float
     """`RewardMethod.scale`."""
 
 
 def payments(method: RewardMethod) -> Paid | None:
-    """Its pay; None where that is not a function of samples and time alone (`RewardMethod.arrival`).
+    """The method's pay; None if it is no function of samples and time alone (`RewardMethod.arrival`).
 
-    Raises `ValueError` where rewards are no numbers, or of another shape than (T, samples).
+    Raises `ValueError` if rewards are no numbers, or have another shape than (T, samples).
     """
     if not method.paid_on_arrival:
         return None
@@ -140,11 +141,11 @@ def payments(method: RewardMethod) -> Paid | None:
 
 
 def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
-    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time.
+    """Pairs of methods of one task, by name, whose rewards are the same but for a function of time.
 
-    If every episode lasts as long, such methods ask for the same policies: the sum of a function of time is the same
-    for all. If training episodes end early, it also pays for ending sooner, or later. Samples are drawn evenly from
-    the box of the signals, so a difference in a very small part of it can be missed.
+    Such methods ask for the same policies if every episode is as long: the sum of a function of time is the same for
+    all. If training episodes end early, it also pays for an earlier or a later end. Samples are drawn evenly from the
+    box of the signals, so a difference in a very small part of it can be missed.
     """
     known = {name: each for name, each in paid.items() if each is not None}
     differences = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
@@ -153,7 +154,7 @@ def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
 
 def _difference(one: Paid, other: Paid, names: tuple[str, str]) -> Difference | None:
     exact = _EXACT * max(one.scale, other.scale)
-    with np.errstate(invalid="ignore"):  # of infinite rewards, which count as different
+    with np.errstate(invalid="ignore"):  # infinite rewards have a difference without value: they count as different
         difference = one.rewards - other.rewards
     if not (np.ptp(difference, axis=1) <= exact).all():
         return None

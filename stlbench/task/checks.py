@@ -92,7 +92,7 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
         if not timing.known:
             continue
         horizon = stl.horizon(formula)
-        if steps is not None and horizon > steps:
+        if steps is not None and horizon > steps:  # its verdict would need samples after the end of an episode
             yield f"{place}: its horizon of {horizon} steps exceeds steps = {steps}"
         if place in ("rewarded", "nested") and main is not None and horizon != stl.horizon(main):
             yield f"{place}: its horizon is {horizon} steps, that of the formula {stl.horizon(main)}"
@@ -195,7 +195,7 @@ def regions(parts: Parts) -> Iterator[tuple[str, Parts]]:
 
 
 def _unknown(place: str, kind: str, formula: stl.Formula, names: Iterable[str] | None) -> Iterator[str]:
-    """Names that a formula uses and that are none of `names`, where there are any."""
+    """Names that a formula uses and that are none of `names`; nothing is asked if `names` is empty or wrong itself."""
     known = list(names or ())
     yield from (f"{place}: {stl.AmbiguousError(word, 'task')}" for word in sorted(formula.words.intersection(known)))
     for name in stl.signals(formula) if known else ():

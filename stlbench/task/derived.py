@@ -23,7 +23,8 @@ FARTHEST, BESIDE = 0.4, 1.0
 BEST = 0.5
 """The pay of a goal at its best."""
 MOST_HELD = 5
-"""Steps of a decision that a violation in one of them outweighs."""
+"""Steps of a decision that a violation in one of them outweighs. Without this factor `raw` learned one of the four
+tasks with obstacles and one goal; with it, all four (seeds from 100)."""
 STEEP = 50.0
 """The cost of an invariant rises to 1 within its depth over this number: nearly a jump."""
 CLEARANCE = 0.3
@@ -45,16 +46,16 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
     - of an invariant, with d half of the least near size among the invariants of its unit: h max(-1, 50 m / d) +
       max(-1, m / d) where m < 0; .3 min(m / d, 1) where m >= 0. So even a shallow violation costs as much as the goal
       that is farthest away: a minimum over both does not hide it. The factor h is the number of steps for which an
-      action is held, at most 5, as the reward of a decision is the mean of its steps: no corner is worth cutting. It is
-      1 for a robot that can fall, which would not dare to move.
+      action is held, at most 5. The reward of a decision is the mean of its steps, so no corner is worth cutting. The
+      factor is 1 for a robot that can fall: with more it would not dare to move.
 
-    A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 where it holds. It costs 1 where it is violated
-    by more than a billionth of its range. If a formula asks for invariants alone, they count as goals.
+    A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 while it holds. A violation by more than a
+    billionth of its range costs 1. If a formula asks for invariants alone, they count as goals.
 
     Args:
-        formula: of the task, intervals in steps.
+        formula: the task's formula; intervals in steps.
         box: the ranges of the signals.
-        units: signal -> its unit; the signal's name stands in for none.
+        units: signal -> its unit; a signal without a unit counts as a unit of its own.
         initial: samples (n, k) at the start of episodes.
         hold: steps for which an action is held.
     """
@@ -114,6 +115,7 @@ class _Margin:
         greater, less = predicate.left, predicate.right
         if predicate.op.startswith("<") != negated:
             greater, less = less, greater
+        # A strict comparison is never met at its border, so `tight` is for closed ones; a negation swaps the two.
         size, closed = size.negated if negated else size, ("=" in predicate.op) != negated
         return cls(f"({greater} - ({less}))", size, size.tight and closed)
 
@@ -131,7 +133,7 @@ class _Margin:
 def _goal(psi: Formula, box: Box, initial: Array, farthest: float) -> Formula:
     signed = list(_signed(psi))
     kept = {each for each in signed if _holds(each, tuple(box), initial)}
-    if len(kept) == len(signed) or not isinstance(psi, And):
+    if len(kept) == len(signed) or not isinstance(psi, And):  # a cap is for a part beside others that are not yet met
         kept = set()
     margins = {each: _Margin.of(each, box) for each in signed}
     octaves = max((margin.octaves for margin in margins.values()), default=1.0)

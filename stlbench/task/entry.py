@@ -26,7 +26,7 @@ class Entry(BaseModel):
 
 
 Parts = Mapping[str, Any]
-"""Entry -> its value where it is right; of an entry of several, nested likewise. A wrong value is not there."""
+"""Entry -> its value, nested like the file. A wrong value is not there."""
 
 
 class Timing(NamedTuple):
@@ -44,12 +44,12 @@ class Timing(NamedTuple):
 class Read:
     """An annotation: how an entry is read from the file; it is written as `str` has it.
 
-    `PlainValidator` and `PlainSerializer` would do, but have Pydantic take the annotated type apart first, which for a
-    formula costs more than to read a whole file.
+    `PlainValidator` and `PlainSerializer` would do, but Pydantic then takes the annotated type apart first. For a
+    formula that costs more than reading a whole file.
     """
 
     value: Callable[[Any, ValidationInfo], Any]
-    """Makes the value of what the file has. Raises `ValueError`."""
+    """Makes a value from the entry of the file. Raises `ValueError`."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         written = core_schema.plain_serializer_function_ser_schema(str)
@@ -84,7 +84,7 @@ PointFormula = Annotated[stl.Formula, Read(read_point_formula)]
 
 
 def read_both(value: Any) -> Any:
-    """A number, where a state is fixed, as an interval."""
+    """A number, which fixes a state, as an interval. Raises `ValueError`."""
     if isinstance(value, int | float):
         return value, value
     if not isinstance(value, list | tuple):
@@ -126,7 +126,7 @@ class Region(Entry):
         return np.array([high for _, high in self.box.values()])
 
     def keep(self, states: Array) -> Array:
-        """Those of the states (N, n) that fulfil `where`."""
+        """The states, of (N, n), that fulfil `where`."""
         return states if self.where is None else states[_predicate(self.where, tuple(self.box))(states)]
 
 

@@ -14,8 +14,9 @@ from stlbench.records.identity import Line, Name
 from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
 
 VIOLATION: Literal["violation"] = "violation"
-LOST: Literal["lost"] = "lost"
 """The condition that a term G[a,b] psi of the formula is violated."""
+LOST: Literal["lost"] = "lost"
+"""The condition that the environment ended the episode, and that the formula is violated with the last sample held."""
 
 
 def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation", "lost"]:
@@ -246,9 +247,9 @@ class TaskFile(Entry):
     the view of the formula (`view.FormulaView`). An environment shows its observation, for `formula` with the view."""
     training: TrainingEpisodes = TrainingEpisodes()
     best_known: BestKnown | None = None
-    """The measures of the policies' robustness, beside the controller by hand."""
+    """The largest robustness that is known, and its proven bound, to compare policies with."""
     baselines: Baselines | None = None
-    """The measured baselines; they are measured when they are needed where left out."""
+    """The measured baselines. If left out, they are measured when they are needed."""
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[Name, Protocol] = Field(default_factory=dict)
@@ -272,7 +273,7 @@ class TaskFile(Entry):
         return {name: (signal.low, signal.high) for name, signal in self.signals.items()}
 
     def without(self, part: str) -> TaskFile:
-        """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""
+        """This file without one of OPTIONAL, for an ablation. Raises `ValueError` if it is without it already."""
         if not self.has(part):
             raise ValueError(f"the task is without {part} as it is")
         return self.less(part)
@@ -302,14 +303,14 @@ class TaskFile(Entry):
         return self.model_copy(update={"training": self.training.model_copy(update=changes)})
 
     def scheduled(self, name: str) -> TaskFile:
-        """This file with one of its schedules. Raises `ValueError` where it has none of this name."""
+        """This file with one of its schedules. Raises `ValueError` if it has none of this name."""
         if name not in self.schedules:
             known = f"there are: {', '.join(self.schedules)}" if self.schedules else "its file names none"
             raise ValueError(f"the task has no schedule '{name}'; {known}")
         return self.model_copy(update={"schedule": self.schedules[name]})
 
     def held(self, steps: int) -> TaskFile:
-        """This file with actions held for so many steps. Raises `ValueError` where an episode or a cut has no place."""
+        """This file with actions held for so many steps. Raises `ValueError` if an episode or a cut is no multiple."""
         for name, whole in (("steps", self.steps), *(("a cut at", cut) for cut in self.training.cuts)):
             if whole % steps:
                 raise ValueError(f"{name} {whole} is no multiple of hold = {steps}")

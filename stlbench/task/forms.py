@@ -37,7 +37,7 @@ def recurring(formula: stl.Formula) -> Iterator[stl.Eventually]:
 
 def windows(formula: stl.Formula) -> tuple[Window, ...]:
     """The windows of a formula with intervals in steps, in order of appearance. Negations are pushed into them."""
-    return tuple(_inside(negations_inside(formula), 0, 0, True, True))
+    return tuple(_inside(negations_inside(formula), 0, 0, True, True))  # in the order in which `_rebuilt` visits parts
 
 
 def with_parts(formula: stl.Formula, part: Callable[[Window], stl.Formula]) -> stl.Formula:
@@ -56,16 +56,16 @@ def _inside(formula: stl.Formula, begin: int, end: int, at_once: bool, always: b
     """The windows of a formula that counts at samples begin..end.
 
     Args:
-        at_once: whether it has to hold at sample 0, where that is one of them.
+        at_once: whether it has to hold at sample 0, if that is one of them.
         always: whether it has to hold at all of them.
     """
-    if not stl.is_temporal(formula):
+    if not stl.is_temporal(formula):  # sample 0 alone is no invariant, as no action changes it
         yield Window(formula, begin, end, at_once and begin == 0 and end > 0, always)
         return
     match formula:
         case stl.Always(a, b, arg):
             yield from _inside(arg, begin + a, end + b, at_once, always)
-        case stl.Eventually(a, b, arg):  # of one sample it is G[a,a]
+        case stl.Eventually(a, b, arg):  # F[a,a] is G[a,a]
             yield from _inside(arg, begin + a, end + b, at_once and a == b, always and a == b)
         case stl.Until(a, b, left, right):
             yield from _inside(left, begin, end + max(b - 1, 0), at_once and b > 0, False)
@@ -98,7 +98,7 @@ class Scale(NamedTuple):
     worst: float
     """The largest violation within the ranges."""
     tight: bool = False
-    """Whether no margin is above 0, so that it is met at its border alone, as `collisions <= 0`."""
+    """Whether no margin is above 0: it is then met at its border alone, as `collisions <= 0`."""
     sure: bool = False
     """Whether none is below 0."""
 
@@ -125,6 +125,7 @@ def scale(psi: stl.Formula, box: Box) -> Scale:
     """
     above, below = _sides(psi, tuple(box.items()))
     largest = max(above, below) or 1.0
+    # A proven bound lies up to a tolerance beyond the true extreme, so a side as small as this may be 0.
     tight, sure = (side <= 1e-5 * largest for side in (above, below))
     return Scale(0.1 * largest if tight else above, 0.1 * largest if sure else below, tight, sure)
 
@@ -136,7 +137,7 @@ def violated(psi: stl.Formula, box: Box) -> bool:
 
 
 def reach(expression: stl.Expression, box: Box) -> float:
-    """The largest magnitude of an expression over the box; 1 where it has no finite bound, or is 0 everywhere."""
+    """The largest magnitude of an expression over the box; 1 if it has no finite bound, or is 0 everywhere."""
     return max(_sides(as_margin(expression), tuple(box.items()))) or 1.0
 
 
@@ -147,9 +148,9 @@ def as_margin(expression: stl.Expression) -> stl.Predicate:
 
 @lru_cache(maxsize=1024)
 def _sides(psi: stl.Formula, box: tuple[tuple[str, tuple[float, float]], ...]) -> tuple[float, float]:
-    """How far the margin gets above and below 0; 0 where it does not, or where nothing is proven."""
+    """How far the margin gets above and below 0; 0 if it does not, or if nothing is proven."""
     try:
-        bounds = stl.bounds(psi, dict(box), nodes=20_000)
+        bounds = stl.bounds(psi, dict(box), nodes=20_000)  # a tenth of the usual work: a size need not be exact
     except stl.UndefinedError:  # it has no value somewhere in the box, as x / y
         return 0.0, 0.0
     high, low = (side if math.isfinite(side) and side > 0 else 0.0 for side in (bounds.high, -bounds.low))
@@ -175,7 +176,7 @@ def normal_form(formula: stl.Formula) -> stl.Formula:
 
 
 def _joined(args: Sequence[stl.Formula]) -> stl.Formula | None:
-    """Two invariants as one, where one of them is temporal inside and ends first; None where they are not such."""
+    """Two invariants as one, if one of them is temporal inside and ends first; None for others."""
     if len(args) != 2 or not all(isinstance(arg, stl.Always) and arg.a == 0 for arg in args):
         return None
     first, second = args
@@ -219,7 +220,7 @@ TRAITS = (
 
 
 def traits(formula: stl.Formula) -> frozenset[str]:
-    """Those of TRAITS that a formula with intervals in steps has.
+    """The TRAITS that a formula with intervals in steps has.
 
     They are about its form, and say nothing of places, sizes or speeds. Negations are pushed into it first, so p -> F q
     counts as a choice.

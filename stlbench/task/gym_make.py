@@ -32,24 +32,27 @@ _STEP = "the environment's step returns observation, reward, terminated, truncat
 _SEEDED = "the environment's reset takes a seed and options, `def reset(self, *, seed=None, options=None)`"
 
 _OTHER_API = re.compile(r"values to unpack|unexpected keyword argument '(seed|options)'|has no attribute 'items'")
-"""Python's errors where the caller of an environment of another API trips over it."""
+"""Python's errors when the caller of an environment of another API trips over it."""
 
 
 def begun(env: Any, **options: Any) -> tuple[Any, Any]:
-    """The result of `env.reset(**options)`, observation and info. Raises `UsageError` where it is not of Gymnasium."""
+    """The result of `env.reset(**options)`: observation and info. Raises `UsageError` if it is not of Gymnasium."""
     observation, info = _returned(_RESET, 2, lambda: env.reset(**options))
     return observation, info
 
 
 def stepped(env: Any, action: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """The result of `env.step(action)`. Raises `UsageError` where it is not the five values of Gymnasium."""
+    """The result of `env.step(action)`. Raises `UsageError` if it is not the five values of Gymnasium."""
     observation, reward, terminated, truncated, info = _returned(_STEP, 5, lambda: env.step(action))
     return observation, reward, terminated, truncated, info
 
 
 @contextmanager
 def blaming(name: str) -> Iterator[None]:
-    """Raise `UsageError` for what an environment raises when it is reset or stepped here."""
+    """Turn the errors of an environment that is reset or stepped here into a `UsageError`.
+
+    An error from elsewhere, as of stlbench itself, is raised as it is: it is a defect, and its traceback says where.
+    """
     try:
         yield
     except UsageError:
@@ -64,6 +67,7 @@ def _returned(rule: str, count: int, call: Callable[[], Any]) -> Any:
     try:
         given = call()
     except (AttributeError, TypeError, ValueError) as error:
+        # The environment's own code may raise the same words for another reason.
         if not _OTHER_API.search(str(error)) or not _of_caller(error):
             raise
         rule = _SEEDED if "keyword argument" in str(error) else rule
@@ -90,7 +94,7 @@ class JointEnv(gymnasium.Env[Any, Any]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
 
     def __init__(self, env: Any) -> None:
-        """Args: `env` a PettingZoo `ParallelEnv`. Raises `UsageError` where actions of agents do not go together."""
+        """Args: `env` a PettingZoo `ParallelEnv`. Raises `UsageError` if the agents' actions have no common space."""
         self.env, self._names = env, tuple(env.possible_agents)
         self.metadata = {"render_modes": list(getattr(env, "metadata", {}).get("render_modes", ()))}
         self.render_mode = getattr(env, "render_mode", None)
@@ -137,7 +141,7 @@ def _joined(spaces: Mapping[str, Space[Any]]) -> Space[Any]:
 
 
 def _ends(space: Any) -> tuple[Any, Any]:
-    return space.low.astype(np.float32), space.high.astype(np.float32)
+    return space.low.astype(np.float32), space.high.astype(np.float32)  # agents may have spaces of several types
 
 
 def _flat(infos: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -61,9 +61,9 @@ _UNNAMED: Mapping[str, int] = {"Ant": 78, "Humanoid": 303}
 
 
 def names_of(identifier: str, count: int) -> list[str] | None:
-    """The names for an environment's `count` entries, `o27`, ... for those without a documented meaning.
+    """The names for an environment's `count` entries; `o27`, ... if an entry has no documented meaning.
 
-    None of an environment that is not listed, or whose number of entries is another: it was made with other options.
+    None for an environment that is not listed, and for one with another number of entries: its options are others.
     """
     environment = identifier.rpartition("-v")[0]
     environment = _ALIKE.get(environment, environment)
@@ -74,7 +74,7 @@ def names_of(identifier: str, count: int) -> list[str] | None:
 
 
 _STEPS, _SECONDS = 200, 0.05
-"""Values where the environment says nothing: steps of an episode, seconds of a step."""
+"""The steps of an episode and the seconds of a step, if the environment does not say."""
 
 _EPISODES, _PLAYED = 20, 10_000
 """Episodes of random actions, which show the magnitude of entries without ends; the most steps of all together."""
@@ -97,16 +97,16 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None, seconds: 
     """The content of a `task.yaml` on an environment, with a formula that is there to be changed.
 
     Args:
-        identifier: as `gymnasium.make` takes it.
-        keywords: what it is made with.
-        seconds: after which no more is played, where the environment is slow.
+        identifier: the id that `gymnasium.make` takes.
+        keywords: the arguments with which the environment is made.
+        seconds: the wall time after which no more is played, for a slow environment.
 
     Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
-    that these hardly move get a scale by the others. So do entries that leave their ends, with a warning.
+    that these hardly move get a scale by the others. Entries that leave their ends count as without, with a warning.
 
     Raises:
-        UsageError: it cannot be made or played, or its observation is no array of numbers, nor a Dict of some, or has
-            more numbers than anybody would name.
+        UsageError: the environment cannot be made or played. Or its observation is no array of numbers and no Dict with
+            one, or has more numbers than anybody would name.
     """
     env = made(identifier, keywords or {})
     names, known = _entries(env.observation_space, identifier)
@@ -115,6 +115,7 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None, seconds: 
     without = [name for name, pair in known.items() if None in pair]
     seen = _magnitudes(known, samples.named) if without else {}
     scale = {name: seen[name] for name in without}
+    # Twice what random actions show, as a trained policy gets farther than they do.
     ends = {name: _completed(pair, 2 * scale.get(name, 0)) for name, pair in known.items()}
     first, (low, high) = next(iter(ends.items()))
     steps, middle = _limit(identifier), (low + high) / 2
@@ -142,7 +143,7 @@ _Ends: TypeAlias = tuple[float | None, float | None]
 
 
 def _completed(ends: _Ends, most: float) -> tuple[float, float]:
-    """The ends, and in the place of one that is not known the magnitude `most`."""
+    """The ends; the magnitude `most` stands in for one that is not known."""
     low, high = ends
     return -most if low is None else low, most if high is None else high
 
@@ -165,7 +166,7 @@ def _entries(space: Space[Any], identifier: str) -> tuple[Names, dict[str, _Ends
 
 
 def _numbered(name: str, space: Box) -> list[str]:
-    """`o0`, `o1`, ..., or the name itself where there is one entry."""
+    """`o0`, `o1`, ..., or the name itself if there is one entry."""
     count, plain = prod(space.shape), "".join(each if each.isalnum() else "_" for each in name)
     return [plain] if count == 1 else [f"{plain}{i}" for i in range(count)]
 
@@ -176,7 +177,7 @@ def _ends(space: Box) -> list[_Ends]:
 
 
 def _said(end: float) -> float | None:
-    """None of an end that is so large that it says nothing, as for what policies see."""
+    """The end to four digits; None if it is so large that it says nothing (`gym_spaces.LARGE`)."""
     return float(f"{end:.4g}") if abs(end) <= LARGE else None
 
 
@@ -224,9 +225,9 @@ def info_ends(
 ) -> dict[str, tuple[float, float]]:
     """The numbers in every info of the environment, name -> range, from episodes of random actions.
 
-    A flag, of which only 0 and 1 were seen, lies in [0, 1], also where it was always the same. Other ranges reach to
-    twice the largest magnitude that was seen, on the side of 0 where there was something. Raises `UsageError` where the
-    environment cannot be made or played.
+    A flag, of which only 0 and 1 were seen, lies in [0, 1], even if it was always the same. Other ranges reach to
+    twice the largest magnitude that was seen, on the sides of 0 that had values. Raises `UsageError` if the environment
+    cannot be made or played.
     """
     env, infos = made(identifier, keywords), list[dict[str, float]]()
     try:
@@ -268,7 +269,7 @@ def _played(env: Gym, steps: int, seconds: float | None) -> Iterator[tuple[Any, 
 
 
 def _rounded_up(value: float) -> float:
-    """To 1, 2 or 5 times a power of ten."""
+    """The least of 1, 2 or 5 times a power of ten that is not below a positive value."""
     power = 10.0 ** floor(log10(value))
     digit = next(each for each in (1, 2, 5, 10) if ceil(value / power) <= each)
     return float(f"{digit * power:.1g}")
@@ -279,7 +280,7 @@ def _limit(identifier: str) -> int:
 
 
 def _seconds(env: Gym) -> float:
-    """The environment's own, else by the rate at which it is drawn."""
+    """The environment's own seconds of a step, else those of the rate at which it is drawn."""
     own = getattr(env.unwrapped, "dt", None)
     if isinstance(own, float | np.floating):
         return float(own)

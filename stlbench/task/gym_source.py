@@ -23,7 +23,7 @@ RenderMode: TypeAlias = Literal["rgb_array"] | None
 """Whether a copy renders pictures."""
 
 SignalsOf: TypeAlias = Callable[[Any, Mapping[str, Any]], Sequence[float] | None]
-"""Observation and info of one copy -> the k signals; None where expressions give them."""
+"""Observation and info of one copy -> the k signals; None if expressions give them."""
 
 
 class GymSource:
@@ -40,9 +40,9 @@ class GymSource:
 
         Args:
             make: makes a copy, without a time limit.
-            entry: of the task file, with the names and scales of the observation's entries.
+            entry: the task file's `environment`, with the names and scales of the observation's entries.
             texts: signal -> expression over named entries of the observation and over entries of the info.
-            signals: in place of the expressions.
+            signals: a function in place of the expressions.
 
         Raises:
             UsageError: it cannot be made, or names, expressions, scale or actions do not fit it.
@@ -61,13 +61,13 @@ class GymSource:
 
     @property
     def axes(self) -> tuple[ActionAxis, ...]:
-        """The numbers of an action. Raises `UsageError` where the action space is none of numbers."""
+        """The numbers of an action. Raises `UsageError` if the action space is none of numbers."""
         return action_axes(self.action_space)
 
     def read(self, samples: Sequence[tuple[Any, Mapping[str, Any]]]) -> tuple[Array, Array]:
         """The flat observations (r, d), and the signals (r, k), of observations with their infos.
 
-        Raises `UsageError` where an observation is outside its space, or a signal is missing.
+        Raises `UsageError` if an observation is outside its space, or a signal is missing.
         """
         try:
             seen = [self.observed.flat(observation) for observation, _ in samples]
@@ -108,7 +108,7 @@ class GymSource:
         try:
             copy.reset(seed=0)
             copy.render()
-        except Exception as error:  # of the driver, and of the library above it, there are many kinds
+        except Exception as error:  # a driver and the library above it raise many kinds of errors
             raise UsageError(f"the environment cannot draw itself here: {cause(error)}") from error
         atexit.register(copy.close)  # after the first picture, so that it is done while what draws is still loaded
         return copy
@@ -119,7 +119,7 @@ class GymSource:
 
 
 _WITHOUT_ID = {"kwargs", "drawn", "api"}
-"""Entries of `environment` without effect where a class makes it."""
+"""Entries of `environment` without effect if a class makes it."""
 
 
 def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
@@ -141,7 +141,7 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
     return source
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=8)  # few, as each source keeps its copies
 def _shared(environment: str, texts: str) -> GymSource:
     """Sources by the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
     entry = Environment.model_validate_json(environment)

@@ -28,7 +28,7 @@ class ActionAxis(NamedTuple):
     low: float
     high: float
     values: int | None
-    """How many whole numbers from `low` to `high`; None where all between are actions."""
+    """The count of whole numbers from `low` to `high`; None if all numbers between are actions."""
 
     @property
     def ends(self) -> dict[str, Any]:
@@ -37,7 +37,7 @@ class ActionAxis(NamedTuple):
 
 
 def action_axes(space: Space[Any]) -> tuple[ActionAxis, ...]:
-    """The numbers that an action consists of; some may be without ends. Raises `UsageError` where it is no numbers."""
+    """The numbers that an action consists of; some may be without ends. Raises `UsageError` if it is no numbers."""
     if isinstance(space, Box):
         low, high = space.low.ravel().astype(float).tolist(), space.high.ravel().astype(float).tolist()
         names = _names(len(low))
@@ -81,10 +81,10 @@ class Entries:
 
     names: tuple[str, ...] = ()
     keys: tuple[str, ...] | None = ()
-    """The keys of the arrays of a Dict observation that are named; None where the observation is one array."""
+    """The keys of the arrays of a Dict observation that are named; None if the observation is one array."""
 
     def of(self, space: Space[Any], key: str) -> Entries:
-        """Those of one array of an observation from `space`, as if it were the whole; of a Dict the one at `key`."""
+        """The entries of one array of an observation, as if it were the whole; for a Dict the array at `key`."""
         if self.keys is None:
             return self
         if key not in self.keys or not isinstance(space, Dict):
@@ -95,7 +95,7 @@ class Entries:
     def read(self, observation: Any, count: int) -> Array:
         """The named entries of one observation or of `count` batched ones: (count, n).
 
-        Raises `UsageError` where there are not as many numbers as names.
+        Raises `UsageError` if there are not as many numbers as names.
         """
         parts = [observation] if self.keys is None else [observation[key] for key in self.keys]
         try:
@@ -114,7 +114,7 @@ def outside_space(what: str, where: str = "") -> UsageError:
 
 
 def entries_of(space: Space[Any], names: Names | None) -> Entries:
-    """The entries of observations from `space`. Raises `UsageError` where the names do not fit."""
+    """The entries of observations from `space`. Raises `UsageError` if the names do not fit."""
     if names is None:
         return Entries()
     if isinstance(names, str):
@@ -154,19 +154,19 @@ class Beyond(NamedTuple):
     """An entry of an observation that lies beyond the ends of its space."""
 
     row: int
-    """The first of the given observations where it does."""
+    """The first of the given observations in which it does."""
     name: str | None
     said: str
 
 
 _ROUNDING = 1e-6
-"""As far beyond its ends, from -1 to 1, a number may lie: environments compute in other types than their spaces'."""
+"""A scaled number may lie this far beyond -1 or 1, as environments compute in other types than their spaces'."""
 
 
 class Observed:
     """Flattens observations of a space, and scales them.
 
-    An entry with finite ends goes from -1 to 1. One without is divided by its scale, where it has one. A Discrete
+    An entry with finite ends goes from -1 to 1. An entry without is divided by its scale, if it has one. A Discrete
     observation becomes one number for each value, 1 for the one that it has. Parts of a Dict that are no numbers, such
     as the mission of MiniGrid, are left out.
     """
@@ -181,6 +181,7 @@ class Observed:
         self._space, self._plain = space, isinstance(space, Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
         known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
+        # Some spaces have equal ends, as [0, 0], for an entry whose range nobody knew: nothing lies beyond them.
         ends = np.stack([np.where(low < high, low, -np.inf), np.where(low < high, high, np.inf)])
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2
@@ -198,7 +199,7 @@ class Observed:
         return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
 
     def described(self, shown: Observation) -> Observation:
-        """The record of what a policy sees: `shown`, of the time and the inputs, with these numbers."""
+        """The record of a policy's view: these numbers, beside the time and the inputs that `shown` has."""
         if self.size > MOST:
             return replace(shown, size=self.size)
         names = tuple(self._names.get(place, "") for place in range(self.size))
@@ -238,7 +239,7 @@ class Observed:
 
 
 def _in_numbers(space: Space[Any]) -> Space[Any]:
-    """The space; of a Dict with parts that are no numbers only the others."""
+    """The space; a Dict loses its parts that are no numbers."""
     if not isinstance(space, Dict):
         return space
     parts = {key: part for key, part in space.spaces.items() if _flattened(part) is not None}
@@ -246,7 +247,7 @@ def _in_numbers(space: Space[Any]) -> Space[Any]:
 
 
 def _flattened(space: Space[Any]) -> Box | None:
-    """None where observations cannot be written as a fixed number of numbers."""
+    """The flat space; None if observations cannot be written as a fixed number of numbers."""
     try:
         flat: Any = spaces.flatten_space(space)
     except NotImplementedError:
@@ -288,8 +289,8 @@ class Expressions:
 
         Args:
             named: the named entries (N, e).
-            infos: of each of the N observations.
-            places: of each, for messages, such as "at step 3".
+            infos: the N infos.
+            places: N places for messages, such as "at step 3".
 
         Raises:
             UsageError: an entry of the info is missing, or is no number.
@@ -327,7 +328,7 @@ def number(given: Any) -> float:
 
 
 def numbers(given: Any, count: int) -> Array:
-    """The values that a task's class returned as `count` signals. Raises `UsageError`."""
+    """`count` signals as numbers, from the values that a task's class returned. Raises `UsageError`."""
     try:
         signals = np.array([number(value) for value in given])
     except (TypeError, ValueError) as error:

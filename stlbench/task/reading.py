@@ -31,8 +31,8 @@ def load_yaml(text: str, place: str) -> Any:
     """The content of a text, which comes from `place`. It has the escapes of characters that no terminal takes.
 
     Raises:
-        UsageError: it is no YAML, a mapping has a key twice, a value is none of its type (2001-99-99), a text is none
-            ("\\ud800"), it nests too deep, or a few aliases make more of it than any file would have.
+        UsageError: it is no YAML, a mapping has a key twice, or a value is none of its type (2001-99-99). Or a text has
+            half a character ("\\ud800"), it nests too deep, or a few aliases stand for more than any file would have.
     """
     try:
         content = _loaded(text)
@@ -46,7 +46,7 @@ def load_yaml(text: str, place: str) -> Any:
         raise UsageError(f"{place} has a text with {half}, which is a half of a character") from error
     except RecursionError:
         raise UsageError(f"{place} nests too deep") from None
-    except Exception as error:  # of a value: a ValueError of a date, a KeyError of a word that should be true or false
+    except Exception as error:  # a date raises ValueError, and a word that should be true or false raises KeyError
         raise UsageError(f"{place} is no YAML: a value is none of its type ({cause(error)})") from error
     if size > MOST:
         raise UsageError(f"{place} has more than {MOST} values, or an alias inside of what it stands for")
@@ -54,7 +54,7 @@ def load_yaml(text: str, place: str) -> Any:
 
 
 class _TwiceError(Exception):
-    """Which key, and where."""
+    """The key that is there twice, and its lines."""
 
 
 def _loaded(text: str) -> Any:
@@ -88,11 +88,11 @@ def _check(node: yaml.Node | None, seen: set[int]) -> None:
 
 
 def _size(value: Any, known: dict[int, int]) -> int:
-    """How many values there are in it. A value within itself has too many."""
+    """The number of values in it. A value within itself has too many."""
     if not isinstance(value, Mapping | list | set | tuple):
         return 1
     if id(value) not in known:
-        known[id(value)] = MOST + 1
+        known[id(value)] = MOST + 1  # an alias that is met again before its own sum is known lies within itself
         parts = [*value, *value.values()] if isinstance(value, Mapping) else value
         known[id(value)] = 1 + sum(_size(part, known) for part in parts)
     return known[id(value)]
@@ -105,14 +105,14 @@ class Reading:
     file: TaskFile | None
     parts: Parts
     errors: tuple[str, ...]
-    """A line per error, with its place; none where there is a file."""
+    """A line per error, with its place; none if there is a file."""
 
 
 @lru_cache(maxsize=64)
 def read(text: str, name: str, by_hand: str | None = None) -> Reading:
     """A task file's text, with every error, and that of the `by_hand.yaml` beside it, if there is one.
 
-    Raises `UsageError` where one of them is no YAML, or `by_hand.yaml` has a key that it may not have.
+    Raises `UsageError` if one of them is no YAML, or `by_hand.yaml` has a key that it may not have.
 
     Cached, since a command asks for its tasks several times, and YAML is slow to read.
     """
@@ -131,12 +131,12 @@ def read(text: str, name: str, by_hand: str | None = None) -> Reading:
 
 
 def _merged(content: Any, by_hand: str, place: str) -> Any:
-    """The content of both files. Raises `UsageError` where the second has a key that is not its own, or of both."""
+    """The content of both files. Raises `UsageError` if the second has a key that is not its own, or in both files."""
     more = load_yaml(by_hand, place)
     if not isinstance(more, Mapping):
         raise UsageError(f"{place}: expected a mapping, {{key: value}}")
     if not isinstance(content, Mapping):
-        return content  # which is an error by itself
+        return content  # the model then raises the error
     for key in more:
         if key not in BY_HAND:
             raise UsageError(f"{place}: {one_line(key)}: the keys of this file are {', '.join(BY_HAND)}")
@@ -160,7 +160,7 @@ def errors_of(name: str, errors: Sequence[str], by_hand: str | None = None) -> U
 
 
 def _timing(content: Any) -> Timing:
-    """How the file's intervals are read, from what its `time`, `sampling_time` and `steps` say."""
+    """How the file's intervals are read, by its `time`, `sampling_time` and `steps`."""
     if not isinstance(content, Mapping):
         return Timing(known=False)
     some = {key: content[key] for key in ("time", "sampling_time", "steps") if key in content}
@@ -230,7 +230,7 @@ def _without_none(declared: Any) -> Any:
 
 
 def fields_at(kind: type[BaseModel], place: Iterable[str]) -> Iterable[str]:
-    """The keys that a mapping of the file can have, by where it is: of `signals`, `x` those of a signal."""
+    """The keys that a mapping of the file can have, by its place: `signals`, `x` has those of a signal."""
     declared: Any = kind
     for name in place:
         several = _without_none(declared)
@@ -252,9 +252,9 @@ def as_parts(value: Any) -> Any:
 
 
 def code_of(home: Path) -> tuple[str, ...]:
-    """The code that the folder of a task runs, in a few words each; none where it is data alone.
+    """The code that the folder of a task runs, in a few words each; none if it is data alone.
 
-    Ask it before the folder is known (`named_tasks.know`), where the user did not name that folder as a task. Raises
+    Ask it before the folder is known (`named_tasks.know`) if the user did not name that folder as a task. Raises
     `UsageError` as `file_of`.
     """
     environment = file_of(home).environment
@@ -263,7 +263,7 @@ def code_of(home: Path) -> tuple[str, ...]:
 
 
 def file_of(home: Path) -> TaskFile:
-    """The task file of a folder, by itself. Raises `UsageError` where there is none, or it has errors."""
+    """The task file of a folder, by itself. Raises `UsageError` if there is none, or it has errors."""
     path = home / TASK_FILE
     try:
         return read_task_file(path.read_text(encoding="utf-8"), home.name)
@@ -274,8 +274,8 @@ def file_of(home: Path) -> TaskFile:
 def imported(environment: Environment) -> Iterator[str]:
     """The texts that have a module imported: an id that says where it is registered, or a text among the arguments.
 
-    An id that an installed package has registered is none. Environments may import what a text names, as a class of
-    vehicles, or make another environment of it.
+    An id that an installed package has registered is none. Environments may import the thing that a text names, as a
+    class of vehicles, or make another environment of it.
     """
     if environment.id is not None and (environment.api != "gymnasium" or ":" in environment.id):
         yield f"the module of {environment.id}"

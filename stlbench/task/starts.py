@@ -40,7 +40,7 @@ class StateStarts:
         return self.file.initial
 
     def report_and_selection(self) -> tuple[Array, Array]:
-        """Those behind the main score of the report, and those on which checkpoints are selected: see `grid_apart`."""
+        """The starts behind the report's main score, and those on which checkpoints are selected (`grid_apart`)."""
         return grid_apart(self.initial, self.file.starts, partial(begun, self.system))
 
     def at_random(self, count: int) -> Array:
@@ -84,7 +84,7 @@ class SeedStarts:
         return generator.integers(_TRAINING, _END, (count, 1)).astype(np.float64)
 
     def fresh(self, seed: int, count: int) -> Array:
-        """Random ones for what comes after a study, such as a certificate, by a seed of the user's."""
+        """Random seeds (count, 1) for work after a study, such as a certificate, by a seed of the user's."""
         return np.random.default_rng(seed).integers(_FRESH, _TRAINING, (count, 1)).astype(np.float64)
 
 
@@ -118,7 +118,7 @@ def sampled_states(system: System, region: Region, generator: np.random.Generato
 
 
 def begun(system: System, points: Array) -> Array:
-    """The states (N, n) at points of a region. Raises `UsageError` where the system gives others."""
+    """The states (N, n) at points of a region. Raises `UsageError` if the system gives another shape."""
     states: Any = system.initial_states(points)
     if type(states) is not np.ndarray or states.shape != (len(points), len(system.state)):
         shape = getattr(states, "shape", type(states).__name__)
@@ -132,7 +132,7 @@ def grid(region: Region, count: int) -> Array:
     """`count` states (count, n) that fill a region evenly, the same at every call.
 
     A coordinate that the region fixes is the same in all states; a region of one state repeats it. Raises `UsageError`
-    where its condition is hopeless.
+    if its condition is hopeless.
     """
     return next(_blocks(region, count))
 
@@ -141,15 +141,14 @@ def grid_apart(region: Region, count: int, begun: Callable[[Array], Array]) -> t
     """Two sets of initial states that have none in common: to report on, and to select checkpoints on.
 
     Args:
-        region: where they lie.
-        count: how many states in each set.
-        begun: from points of the region to the states in which episodes begin, `System.initial_states`; several points
-            may lead to one state.
+        region: the set in which they lie.
+        count: the number of states in each set.
+        begun: the map from points of the region to the states in which episodes begin, `System.initial_states`. Several
+            points may lead to one state.
 
     Returns:
-        The states that `grid` leads to, (count, n); and others, which come next in the same sequence, (count, n). No
-        state of the second set is there twice, unless a region has too few of them: then they are repeated, and where
-        it has no others at all, the second set is the first.
+        The states that `grid` leads to, (count, n); and others, which come next in the same sequence, (count, n). A
+        region with too few states repeats those of the second set; a region with no others has the first set twice.
     """
     blocks = _blocks(region, count)
     first = begun(next(blocks))
@@ -184,6 +183,7 @@ def _blocks(region: Region, count: int) -> Iterator[Array]:
             if len(rest) >= count:
                 break
             states = np.tile(region.low, (count, 1))
+            # Point 0 of the sequence is left out: it is the region's lowest corner.
             states[:, free] += _halton(drawn + 1, count, len(free)) * (region.high - region.low)[free]
             drawn += count
             rest = np.concatenate([rest, region.keep(states)])

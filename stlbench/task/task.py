@@ -50,7 +50,7 @@ class Task:
     """A task that is ready: file, formulas in steps, system."""
 
     choice: Choice
-    """The plugin, and for an ablation what it is without: overlap[without=cuts]."""
+    """The plugin, and the changes that an ablation makes: overlap[without=cuts]."""
     file: TaskFile
     dynamics: Dynamics
     """The thing that moves: a system, whose state can be set, or an environment or a world, whose starts are seeds."""
@@ -64,7 +64,7 @@ class Task:
 
     @property
     def system(self) -> System:
-        """The system. Raises `Unsuitable` where the task is none, for what needs a state that can be set."""
+        """The system, for code that sets its state. Raises `Unsuitable` if the task is none."""
         if isinstance(self.dynamics, System):
             return self.dynamics
         raise Unsuitable(f"task {self.name} is no system: its state cannot be set, its starts are seeds")
@@ -89,7 +89,7 @@ class Task:
 
     @cached_property
     def actions(self) -> Actions:
-        """The grid of actions, or their box; those of the environment where the file has none."""
+        """The grid of actions, or their box; those of the environment if the file has none."""
         declared = self.file.actions or {axis.name: Axis(**axis.ends) for axis in self.source.axes}
         names, axes = tuple(declared), declared.values()
         if any(axis.count is None for axis in axes):
@@ -99,7 +99,7 @@ class Task:
 
     @cached_property
     def source(self) -> GymSource:
-        """The environment that the task is made on. Raises `UsageError` where the file does not fit it."""
+        """The environment that the task is made on. Raises `UsageError` if the file does not fit it."""
         from stlbench.task.gym_source import source_of  # imports Gymnasium, which most tasks do without
 
         assert isinstance(self.dynamics, GymTask)
@@ -128,7 +128,7 @@ class Task:
         return FormulaView(self.file.followed, self.file.box, self.file.steps, bent)
 
     def _bent(self, system: System, copies: int = 16, decisions: int = 40) -> Truth:
-        """Which numbers of the state are more than the signals, on a random walk; all where it leaves the numbers."""
+        """Which numbers of the state are more than the signals, on a random walk; all if it becomes NaN or infinite."""
         generator = np.random.default_rng(0)
         state = self.starts.of_training(generator, copies)
         states = [state]
@@ -191,13 +191,12 @@ def load_task(choice: Choice | str) -> Task:
     """Find, read and check a task.
 
     Args:
-        choice: its name, or the path of its folder; for a variant what it is to do without, joined by +, how long it is
-            to hold its actions, and which of its schedules it follows: overlap[without=cuts+ends], robot-nav[hold=20],
-            ./my-task[schedule=late].
+        choice: its name, or the path of its folder. A variant leaves parts out, holds its actions for another time, or
+            follows one of its schedules: overlap[without=cuts+ends], robot-nav[hold=20], ./my-task[schedule=late].
 
     Raises:
-        UsageError: no such task, a task file with errors (the message lists all of them), without what is no part of
-            a task, or holding actions for a number of steps that does not fit.
+        UsageError: there is no such task, or its file has errors (the message lists all of them). Or a variant leaves
+            out something that is no part of a task, or holds actions for a number of steps that does not fit.
     """
     choice = named_tasks.task_of(choice)
     name = choice.name
@@ -263,7 +262,7 @@ def _count(text: str) -> int:
 
 
 def _texts(name: str, kind: type) -> tuple[str, str | None]:
-    """The texts of `task.yaml`, and of `by_hand.yaml` where there is one."""
+    """The texts of `task.yaml`, and of `by_hand.yaml` if there is one."""
     own = sys.modules.get(kind.__module__)
     package = kind.__module__ if hasattr(own, "__path__") else kind.__module__.rpartition(".")[0]
     if not package:
@@ -283,7 +282,7 @@ def _text(file: Traversable, name: str) -> str | None:
 
 
 def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
-    """The thing that moves, with the file's parameters; None where what it is made of is wrong. Raises `ValueError`."""
+    """The thing that moves, with the file's parameters; None if one of its entries is wrong. Raises `ValueError`."""
     if "parameters" not in parts:
         return None
     kind = plugin.load()

@@ -1,4 +1,4 @@
-"""The formula's view: what a policy observes beside the state, from the formula and the ranges of the signals alone."""
+"""The formula's view: the part of an observation that comes from the formula and the ranges of the signals alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Quantity:
     def sizes(self) -> tuple[float, ...]:
         """The sizes at which it is shown, largest first: one to three."""
         sizes = [self.far]
-        if self.far > 30 * self.near:
+        if self.far > 30 * self.near:  # between two sizes so far apart, neither column would change much
             sizes.append(float(np.sqrt(self.near * self.far)))
         if self.near < 0.9 * self.far:
             sizes.append(self.near)
@@ -90,7 +90,7 @@ class _Turns:
         self._clock = np.concatenate([turn, *parts] if len(goals) > 1 else parts, axis=1)
 
     def shown(self, columns: Array, t: Integers) -> tuple[Array, Array]:
-        """The quantities of the next goal (N, s), and which it is with the time until its window (N, c)."""
+        """The quantities of the next goal (N, s), and which goal it is with the time until its window (N, c)."""
         return np.take_along_axis(columns, self._slot[self._next[t]], axis=1), self._clock[t]
 
     def direction(self, values: Array, t: Integers) -> Array:
@@ -110,7 +110,7 @@ class FormulaView:
     - each quantity of the invariants, and of the goals of small groups. A quantity is the margin of a predicate or an
       argument of a norm in it, which is a direction. It is shown over its range, and squashed at its near size;
     - of each group the quantities of the next goal, always in the same columns, so that a network treats all goals
-      alike; which goal that is; and the time until its window begins and ends, at two sizes;
+      alike. Then which goal that is, and the time until its window begins and ends, at two sizes;
     - the products of the state's numbers with the directions to the next goals.
 
     The number of columns grows linearly with the formula. All functions are exactly rounded, so that every processor
@@ -126,7 +126,7 @@ class FormulaView:
             formula: intervals in steps.
             box: the ranges of the signals.
             steps: T of the task.
-            bent: (d,), the numbers of the state that are multiplied with directions; all where left out.
+            bent: (d,), the numbers of the state that are multiplied with directions; all if left out.
         """
         parts = {window: tuple(dict.fromkeys(_quantities(window, box))) for window in windows(formula)}
         groups = dict[tuple[str, ...], list[Window]]()
@@ -146,7 +146,7 @@ class FormulaView:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """The names of what is shown, for people."""
+        """The names of the quantities that are shown, for people."""
         return tuple(dict.fromkeys(map(str, self._columns.quantities)))
 
     def __call__(self, state: Array, signals: Array, t: Integers) -> Array:
@@ -167,6 +167,7 @@ class FormulaView:
 
 def bent_columns(state: Array, signals: Array) -> Truth:
     """Which numbers of the state (M, d) say more than an affine function of the signals (M, k): (d,)."""
+    # More than a thousandth of a number's variance is left, and more than rounding leaves of one that never changes.
     known = np.concatenate([np.ones((len(signals), 1)), signals], axis=1)
     rest = state - known @ np.linalg.lstsq(known, state, rcond=None)[0]
     bent: Truth = (rest**2).mean(axis=0) > 1e-3 * state.var(axis=0) + 1e-12
