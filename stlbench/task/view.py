@@ -166,7 +166,12 @@ class FormulaView:
 
 
 def bent_columns(state: Array, signals: Array) -> Truth:
-    """Which numbers of the state (M, d) say more than an affine function of the signals (M, k): (d,)."""
+    """Which numbers of the state (M, d) say more than an affine function of the signals (M, k): (d,).
+
+    All do if a number is not finite, as nothing can then be fitted.
+    """
+    if not (np.isfinite(state).all() and np.isfinite(signals).all()):
+        return np.ones(state.shape[1], dtype=np.bool_)
     # More than a thousandth of a number's variance is left, and more than rounding leaves of one that never changes.
     known = np.concatenate([np.ones((len(signals), 1)), signals], axis=1)
     rest = state - known @ np.linalg.lstsq(known, state, rcond=None)[0]

@@ -31,6 +31,12 @@ class TestSample:
         assert np.array_equal(first, again)
         assert not np.array_equal(first, other)
 
+    def test_a_single_state_of_a_small_part_of_the_box_is_found(self) -> None:
+        """Training asks for one state at the end of each episode: a miss would stop it."""
+        corner = Region(box={"x": (0, 1)}, where="x >= 0.99")
+        for seed in range(40):
+            assert starts.sample(corner, np.random.default_rng(seed), 1) >= 0.99
+
     def test_a_hopeless_condition_is_an_error(self) -> None:
         with pytest.raises(UsageError, match=r"the condition 'x >= 2' holds \(almost\) nowhere in the box"):
             starts.sample(Region(box={"x": (0, 1)}, where="x >= 2"), np.random.default_rng(0), 3)

@@ -91,3 +91,10 @@ def test_only_what_the_signals_do_not_say_is_multiplied() -> None:
     signals = np.random.default_rng(0).uniform(-1, 1, (50, 2))
     state = np.stack([signals[:, 0], 3 - 2 * signals[:, 1], np.cos(3 * signals[:, 0]), np.ones(50)], axis=1)
     assert bent_columns(state, signals).tolist() == [False, False, True, False]
+
+
+def test_all_numbers_are_multiplied_if_a_walk_leaves_the_finite_ones() -> None:
+    signals = np.random.default_rng(0).uniform(-1, 1, (50, 2))
+    state = np.stack([signals[:, 0], np.where(np.arange(50) < 49, 1.0, np.inf)], axis=1)
+    assert bent_columns(state, signals).tolist() == [True, True]
+    assert bent_columns(signals, np.where(signals > 0.9, np.nan, signals)).tolist() == [True, True]
