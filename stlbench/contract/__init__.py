@@ -33,9 +33,9 @@ Its distribution names it in `pyproject.toml`: `[project.entry-points."stlbench.
 | `stlbench.logs` | `RunLog` | `ended`: takes the result of a cell |
 | `stlbench.suites` | `Suite` | `names`, `splits`, `task`: makes tasks from their names |
 
-Arrays are NumPy float64 and batched, rows first. `N` is the number of copies in lock-step, `n` the size of the state,
-`k` the number of signals, `m` the size of the memory, `D` the size of the observation. Time is a step count: a trace
-has samples 0..T, and transition t leads from sample t to sample t + 1. One step lasts the task's sampling time.
+Arrays are NumPy float64 and batched, rows first. `N` is the number of copies in lock-step, and `k` that of signals. The
+state has the size `n`, the memory `m`, the observation `D`. Time is a step count: a trace has samples 0..T, and
+transition t leads from sample t to sample t + 1. One step lasts the task's sampling time.
 
 The parameters of a plugin are keyword-only arguments of its constructor with annotations and defaults, for example of a
 `dataclass(frozen=True, kw_only=True)`. The harness checks what a user writes, as in `funnel[ginf=0.02]`, by the

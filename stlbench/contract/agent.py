@@ -33,11 +33,11 @@ class ActionGrid:
     names: tuple[str, ...]
     axes: tuple[tuple[float, ...], ...]
     robots: tuple[int, ...] = ()
-    """How many of the axes, in their order, each robot has: (2, 2, 2). Empty where the task has one robot."""
+    """The number of axes of each robot, in their order: (2, 2, 2). Empty if the task has one robot."""
 
     @property
     def kind(self) -> ActionKind:
-        """By the number of robots."""
+        """The kind of actions that agents name in their `preference`."""
         return "robots" if len(self.robots) > 1 else "grid"
 
     @cached_property
@@ -93,11 +93,14 @@ class ActionBox:
 
 
 Actions = ActionGrid | ActionBox
-"""The actions of a task: a grid where its task file counts values along each axis, else a box."""
+"""The actions of a task: a grid if its task file counts values along each axis, else a box."""
 
 
 class Event(IntEnum):
-    """The effect of a transition on the episode of a copy. The policy knows the time, so T is no terminal state."""
+    """The effect of a transition on the episode of a copy. The policy knows the time, so T is no terminal state.
+
+    The order counts: `Transition.discount`, `cut` and `ended` compare by it.
+    """
 
     GOES_ON = 0
     CUT = 1
@@ -114,11 +117,11 @@ class Transition(NamedTuple):
     """The result of `Environment.step`, for N copies."""
 
     observation: Array
-    """(N, D): what to act on next."""
+    """(N, D): the observation to act on next."""
     reward: Array
     """(N,): the method's reward, averaged over the steps that the action was held, over the method's `scale`."""
     arrived: Array
-    """(N, D): what the action led to, to bootstrap from. It differs from `observation` only where `cut`."""
+    """(N, D): the observation that the action led to, to bootstrap from. It is `observation` unless `cut`."""
     event: NDArray[np.int8]
     """(N,): an `Event` of each copy. The three properties below read it."""
 
@@ -165,7 +168,7 @@ class CounterfactualEnvironment(Environment, Protocol):
     """An addition, for agents that learn from other memories too, as `dqn` does with cfer, counters and machine."""
 
     counterfactuals: int
-    """How many times an agent should ask for a `counterfactual` of each step; 0 where the method has none."""
+    """The number of `counterfactual`s that an agent should ask for after each step; 0 if the method has none."""
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         """The last step once more, as if each copy had had another memory of the method, drawn by the generator.
@@ -186,17 +189,17 @@ class Policy(ABC):
         """The greedy actions, without randomness: (N, D) -> indices (N,), or vectors (N, axes)."""
 
     def arrays(self) -> Arrays | None:
-        """Data of which `Agent.restore` makes the same policy, a few megabytes. None, the default: it is not stored.
+        """A few megabytes from which `Agent.restore` makes the same policy. None, the default: it is not stored.
 
         A policy that is not stored is scored like any other, and lost when its cell ends.
         """
         return None
 
     def onnx(self) -> bytes | None:
-        """The policy as an ONNX model for other programs; None, the default, where it has no such form.
+        """The policy as an ONNX model for other programs; None, the default, if it has no such form.
 
-        Its input is `observation`, float32 (N, D). Its output is what `act` returns: `index`, int64 (N,), of a grid, or
-        `action`, float64 (N, axes). Raises `Unsuitable` where a library is not installed.
+        Its input is `observation`, float32 (N, D). Its output is that of `act`: `index`, int64 (N,), for a grid, or
+        `action`, float64 (N, axes). Raises `Unsuitable` if a library is not installed.
         """
         return None
 
@@ -216,7 +219,7 @@ class StatePolicy(ABC):
         """
 
     def value(self, state: Array) -> Array:
-        """Its expectation from states (N, n) at step 0: (N,), in the unit of what it maximises. NaN by default."""
+        """The sum that it expects from states (N, n) at step 0: (N,), in the unit that it maximises. NaN by default."""
         return np.full(len(state), np.nan)
 
 
@@ -293,7 +296,7 @@ class Agent(ABC):
     """A training algorithm. Its keyword-only parameters are the recipe, from the task file or their defaults.
 
     A task's recipe is the same for every method, and an agent that learns is not told the method. The constructor
-    raises `Unsuitable` where a library is missing, and `train` where the task's actions do not fit.
+    raises `Unsuitable` if a library is missing, and `train` if the task's actions do not fit.
     """
 
     @abstractmethod
@@ -319,11 +322,11 @@ class Agent(ABC):
 
     recipe: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     """Its parameters on the track `auto`, the same for every task, of values that JSON has; others keep their defaults.
-    Where it names `gamma`, that is the least: rules raise it for a task that lasts long, or asks again and again."""
+    A `gamma` here is the least: rules raise it for a task that lasts long, or asks again and again."""
     preference: ClassVar[Mapping[ActionKind, int]] = MappingProxyType({})
-    """Kind of actions -> its place among the agents to train with where none is named, 1 the first. The one of stlbench
-    that is first trains a task without recipes, whatever is installed. The next one also races in a long
-    `stlbench solve`. A subclass has no place but by its own body."""
+    """Kind of actions -> its place among the agents to train with if none is named, 1 the first. The first agent of
+    stlbench trains a task without recipes, whatever is installed. The next one also races in a long `stlbench solve`.
+    A subclass has a place only if its own body gives one."""
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
@@ -352,13 +355,13 @@ class Agent(ABC):
 
         Args:
             size: D, numbers in an observation.
-            actions: of the task.
-            decisions: of all copies together, in the whole budget.
+            actions: the task's.
+            decisions: the number in the whole budget, of all copies together.
         """
         return None
 
     def uncompiled(self) -> Callable[[], None] | None:
-        """A function that compiles the agent's code; None where there is nothing left to compile on this machine.
+        """A function that compiles the agent's code; None if nothing is left to compile on this machine.
 
         The harness calls it before the first cell, and says so.
         """

@@ -45,7 +45,7 @@ def cached(function: Function, apart: str = "") -> Function:
 
     Args:
         function: what `numba.njit` made, without `cache` and without signatures.
-        apart: a name for each way, where the same source is compiled in several ways.
+        apart: a name for each way, if the same source is compiled in several ways.
     """
     compiled: Any = function
     if not hasattr(compiled, "_cache"):  # NUMBA_DISABLE_JIT leaves it as it is
@@ -65,7 +65,7 @@ def cached(function: Function, apart: str = "") -> Function:
 
 @cache
 def folder(package: str) -> Path | None:
-    """The folder for the code of a top-level package, in its present state; None where it cannot be kept.
+    """The folder for the code of a top-level package, in its present state; None if it cannot be kept.
 
     It lies in NUMBA_CACHE_DIR, else in `stlbench` in the user's folder of caches.
     """

@@ -34,7 +34,7 @@ class FolderCache(FunctionCache):
 
 
 class _Code(CompileResultCacheImpl):
-    """How Numba writes it. Unlike Numba's own, it heeds no setting that says where."""
+    """The writing and reading of code. Unlike Numba's own, it heeds no setting that names a folder."""
 
     def __init__(self, function: FunctionType, folder: Path) -> None:
         self._lineno = function.__code__.co_firstlineno

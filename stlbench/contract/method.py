@@ -42,7 +42,7 @@ class Specification:
     dt: float
     """Sampling time in seconds."""
     nested: stl.Formula | None = None
-    """The same task as one outer operator over a window, `G[0,190] G[0,10] psi`, where the task file gives one."""
+    """The same task as one outer operator over a window, `G[0,190] G[0,10] psi`, if the task file gives one."""
     can_end: bool = True
     """Whether an episode may be ended before step T by its environment; False for a `System`."""
 
@@ -50,7 +50,7 @@ class Specification:
     def terms(self) -> tuple[stl.Term, ...]:
         """The conjunction of eq. 2 as terms F[a,b] psi, G[a,b] psi, F[a,c1] G[c2,b] psi.
 
-        Raises `Unsuitable` where the formula is outside that fragment, with the place and the reason.
+        Raises `Unsuitable` if the formula is outside that fragment, with the place and the reason.
         """
         try:
             return stl.fragment(self.formula)
@@ -82,11 +82,11 @@ class RewardMethod:
 
     Write one of two, the other follows:
 
-    - `arrival`, where the reward depends on nothing but a sample and its time;
+    - `arrival`, if the reward depends on nothing but a sample and its time;
     - `along`, for all others: the rewards while one action is held.
 
     The sample s_0 is never paid for, as no action can change it. Every other sample is paid for once: a reward r'(s, t)
-    of a paper is r'(s_{t+1}, t + 1) of transition t. A constructor raises `Unsuitable` where the formula or a parameter
+    of a paper is r'(s_{t+1}, t + 1) of transition t. A constructor raises `Unsuitable` if the formula or a parameter
     does not fit.
     """
 
@@ -105,7 +105,8 @@ class RewardMethod:
             has = "neither" if neither else "both"
             raise TypeError(f"{cls.__name__} must have one of arrival and along, and has {has}")
         if written == ["arrival"]:
-            cls.along = RewardMethod.along  # type: ignore[method-assign]  # of a class above, it is another reward
+            # A class above may have written `along`, which is then another reward than this class's.
+            cls.along = RewardMethod.along  # type: ignore[method-assign]
         cls.paid_on_arrival = cls.along is RewardMethod.along
 
     def arrival(self, signals: Array, t: Integers) -> Array:
@@ -175,7 +176,7 @@ class RewardMethod:
 
     preference: ClassVar[Mapping[Aim, int]] = MappingProxyType({})
     """Aim of a training -> its place among the methods that `stlbench solve` and `method="auto"` try first, 1 the
-    first. Those without a place follow. A subclass has no place but by its own body."""
+    first. Those without a place follow. A subclass has a place only if its own body gives one."""
 
     # ------------------------------------------------------------------ additions: a memory that is a state machine
 

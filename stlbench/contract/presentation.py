@@ -54,5 +54,5 @@ class Drawn(Protocol):
     def frame(self, state: Array) -> Pixels:
         """A picture of one state (n,): (height, width, 3), always of one size.
 
-        Raises `RuntimeError`, in one line, where this machine cannot draw.
+        Raises `RuntimeError`, in one line, if this machine cannot draw.
         """

@@ -34,17 +34,17 @@ class Work:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one call of an executor ended."""
+    """The end of one call of an executor."""
 
     index: int
-    """Which of the items."""
+    """The place of the item in `items`."""
     status: Literal["done", "raised", "timeout", "killed"]
     value: Any = None
     """The function's result, where status is `done`."""
     reason: str = ""
     """One line for a person: "ValueError: ..." or "no result after 60 s" or "killed by signal 9"."""
     details: str = field(default="", repr=False)
-    """The traceback, where there is one."""
+    """The traceback, if there is one."""
     facts: Mapping[str, str] | None = field(default=None, repr=False)
     """The result of `Work.facts` where the item ran, or empty. None means: on the machine of the caller."""
 
@@ -52,13 +52,13 @@ class Outcome:
 class Executor(ABC):
     """Runs a function on many items, each isolated: one that raises, hangs or dies leaves the others alone.
 
-    The constructor and `run` raise `Unsuitable` where nothing can be run, as without a library or a cluster.
+    The constructor and `run` raise `Unsuitable` if nothing can be run, as without a library or a cluster.
 
     Args:
-        jobs: items at a time. The harness leaves it out where the user does not set it.
+        jobs: items at a time. The harness leaves it out if the user does not set it.
 
     Attributes:
-        jobs: the same; 0 where it is only known while items run.
+        jobs: the same; 0 if it is only known while items run.
     """
 
     def __init__(self, *, jobs: int = 1) -> None:
@@ -72,7 +72,7 @@ class Executor(ABC):
 
         Args:
             function: an importable function of one item; stlbench gives a `Work`.
-            items: what it is called with, picklable.
+            items: its arguments, one for each call, picklable.
             deadlines: seconds of wall time after which each item is stopped with status `timeout`.
 
         Closing the iterator, or ctrl-C, stops what runs.

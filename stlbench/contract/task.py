@@ -41,7 +41,7 @@ class System(ABC):
     # ------------------------------------------------------------------ additions
 
     coordinates: ClassVar[tuple[str, ...] | None] = None
-    """Names of the quantities in boxes of initial states, where they are not the state (`initial_states`)."""
+    """Names of the quantities in boxes of initial states, if they are not the state (`initial_states`)."""
     beyond_state: ClassVar[tuple[str, ...]] = ()
     """The entries of `features` beyond the state, for people: "bearing of the goal", "which goal counts"."""
 
@@ -64,7 +64,7 @@ class System(ABC):
         return state
 
     def controller(self, state: Array, t: Integers) -> Array | None:
-        """A controller written by hand: (N, n), t (N,) -> actions (N, axes); None where a task has none.
+        """A controller written by hand: (N, n), t (N,) -> actions (N, axes); None if a task has none.
 
         It shows that the formula can be satisfied, and learned policies are compared with its robustness. It may use
         the whole state and the formula. It acts every `hold` steps. Its actions, finite numbers, are clipped, or
@@ -74,18 +74,18 @@ class System(ABC):
 
 
 class GymTask:
-    """A task on an environment of Gymnasium, for what a `task.yaml` with `environment` cannot say.
+    """A task on an environment of Gymnasium, if a `task.yaml` with `environment` cannot say all of it.
 
-    Most such tasks need no class. Write one where the environment is not registered, where a signal is no expression
-    over entries of the observation and of the info, or for a controller. `parameters` of the task file arrive as
-    keyword arguments.
+    Most such tasks need no class. Write one for an environment that is not registered, or for a controller. A signal
+    also needs one if it is no expression over entries of the observation and the info. `parameters` of the task file
+    arrive as keyword arguments.
 
     The environment may be random, and its state may be hidden. The same `reset(seed=...)` and the same actions have to
     give the same episode.
     """
 
     render_mode: Literal["rgb_array"] | None = None
-    """`make` passes it on to its environment: "rgb_array" of copies that are drawn, else None. A class that does not
+    """`make` passes it on to its environment: "rgb_array" for copies that are drawn, else None. A class that does not
     pass it on has no pictures."""
 
     def make(self) -> gymnasium.Env[Any, Any] | None:
@@ -97,7 +97,7 @@ class GymTask:
         return None
 
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float] | None:
-        """The action (axes,) of a controller written by hand at step t of one copy; None where a task has none.
+        """The action (axes,) of a controller written by hand at step t of one copy; None if a task has none.
 
         Actions are within their range. A `Discrete` space takes the nearest whole number.
         """
@@ -154,18 +154,18 @@ class World(ABC):
 
     @property
     def state(self) -> Array:
-        """The states (N, n) of the copies; (N, 0) where they cannot be read."""
+        """The states (N, n) of the copies; (N, 0) if they cannot be read."""
         return np.empty((len(self.signals), 0))
 
     def frames(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of each copy, (height, width, 3), always of one size; None where the world has none.
+        """A picture of each copy, (height, width, 3), always of one size; None if the world has none.
 
-        Raises `RuntimeError`, in one line, where this machine cannot draw.
+        Raises `RuntimeError`, in one line, if this machine cannot draw.
         """
         return None
 
     def by_hand(self, t: Integers) -> Array | None:
-        """The actions (N, axes) of a controller written by hand at steps t (N,); None where there is none.
+        """The actions (N, axes) of a controller written by hand at steps t (N,); None if there is none.
 
         They are within their range. A grid takes the nearest value of each axis.
         """
@@ -173,7 +173,7 @@ class World(ABC):
 
 
 class SuiteTask(NamedTuple):
-    """One task of a suite: what a package with a task has."""
+    """One task of a suite, in place of a package with a task."""
 
     system: type[System]
     file: str
@@ -222,7 +222,7 @@ class Suite(ABC):
         return {}
 
     def witness(self, name: str) -> Integers | None:
-        """Actions from each of the report's starts that show what is possible; None where nothing is known.
+        """Actions from each of the report's starts that show what is possible; None if nothing is known.
 
         Indices of the grid of actions, (starts, decisions).
         """
