@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Runs = Sequence[Array]  # one array (n,) per task
 RESAMPLES, FEWEST_RESAMPLES = 9999, 999
 _DRAWN = 50_000_000
-"""Runs that all resamples of a bootstrap draw together, about. More than 5,000 runs have fewer resamples."""
+"""About the number of runs that all resamples of a bootstrap draw. More than 5,000 runs have fewer resamples."""
 _BATCH, _HELD = 500, 2_500_000  # resamples held in memory at a time, and the runs in them, at most
 
 
@@ -136,7 +136,7 @@ def _estimates(statistic: Callable[..., Any], strata: Runs) -> list[Estimate]:
 
 
 class Ranking(NamedTuple):
-    """The mean ranks of methods, and what tests over tasks say of them."""
+    """The mean ranks of methods, and the results of tests over tasks."""
 
     ranks: tuple[float, ...]
     """The mean over the tasks of each method's place; 1 is the best, and equal values share a place."""
@@ -177,7 +177,7 @@ def ranking(values: Array) -> Ranking:
 Shares = Sequence[Sequence[bool]]
 """For each task, whether each seed succeeded."""
 FEWEST = 8
-"""Tasks of an interval, at least."""
+"""The fewest tasks of an interval."""
 SAMPLE_RESAMPLES = 4999
 
 
@@ -201,7 +201,7 @@ def sample_share_difference(one: Shares, other: Shares) -> Estimate:
     """How much greater the one's share of seeds that succeed is, mean over the tasks, in [-1, 1].
 
     The interval is Student's, with two more tasks, of which each method wins one (as Agresti and Min 2005 do for pairs
-    of shares). So it has a width also where no task tells the methods apart.
+    of shares). So it has a width even if no task tells the methods apart.
     """
     values = [float(np.mean(first)) - float(np.mean(second)) for first, second in zip(one, other, strict=True)]
     ends = mean_interval([*values, 1.0, -1.0]) if len(values) >= FEWEST else None
@@ -224,8 +224,8 @@ def sample_difference(one: Runs, other: Runs) -> Estimate:
 def _estimate(values: Sequence[float], drawn: Callable[[NDArray[np.int64], np.random.Generator], Array]) -> Estimate:
     """The mean of the tasks' `values`, and percentiles of what resamples of tasks have.
 
-    Plain percentiles are too narrow for few tasks. These are expanded, so that the interval is as wide as Student's t
-    where the values are normal (Hesterberg 2015, What teachers should know about the bootstrap, section 5.2).
+    Plain percentiles are too narrow for few tasks. These are expanded: for normal values the interval is as wide as
+    Student's t (Hesterberg 2015, What teachers should know about the bootstrap, section 5.2).
     """
     value, count = float(np.mean(values)), len(values)
     if count < FEWEST:

@@ -3,9 +3,9 @@
 One exact test compares the seeds of two methods in three respects: means, ranks, and the seeds that learned. If two
 methods are alike, every way to deal their results to the two was equally likely. The test counts over all deals, so it
 assumes no distribution: not for seeds that fail, not for ties, not for few seeds. The smallest p-value of the three
-counts. The same deals say how often alike methods would have one as small, which corrects for three looks (the
-single-step minP procedure of Westfall and Young, *Resampling-Based Multiple Testing*, 1993). The statistics are those
-of Welch (1947), of Mann and Whitney (1947), and of Fisher's test. Seeds are not paired: that gains nothing.
+counts. The same deals say how often alike methods would have one as small. This corrects for three looks (single-step
+minP of Westfall and Young, *Resampling-Based Multiple Testing*, 1993). The statistics are those of Welch (1947), of
+Mann and Whitney (1947), and of Fisher's test. Seeds are not paired: that gains nothing.
 """
 
 from __future__ import annotations
@@ -54,19 +54,19 @@ class Pair:
 class Difference:
     """The verdict on a pair. Numbers are None if there are too few seeds to compute them."""
 
-    word: Word  # of the first method
+    word: Word  # the first method is that
     value: float | None = None  # mean of the first less that of the second
-    interval: Interval | None = None  # of this difference, 95 %, of this pair alone, by Welch
+    interval: Interval | None = None  # 95 % interval of the value, for this pair alone, by Welch
     alone: float | None = None  # P-value of this pair alone
     chance: float | None = None  # P-value after Holm's correction
     decided: tuple[str, ...] = ()
-    """In which respects the pair is apart after the correction: of "mean", "rank" and "learned"."""
+    """The respects, of "mean", "rank" and "learned", in which the pair is apart after the correction."""
     seeds: int | None = None
-    """How many seeds of each method would decide, if the word is "cannot tell"; `MOST_SEEDS` + 1 if more would."""
+    """The number of seeds of each method that would decide "cannot tell"; `MOST_SEEDS` + 1 if more would."""
 
     @property
     def needed(self) -> str:
-        """ "14 seeds would"; empty where no number is known."""
+        """ "14 seeds would"; empty if no number is known."""
         if self.seeds is None:
             return ""
         return f"{f'over {MOST_SEEDS}' if self.seeds > MOST_SEEDS else self.seeds} seeds would"
@@ -80,12 +80,12 @@ def differences(pairs: Iterable[Pair]) -> list[Difference]:
     """Say of each pair of one comparison whether the first method is better than the second.
 
     - "=": both are paid the same. Such pairs are not tested.
-    - "better", "worse": the exact test has p < 0.05 after Holm's correction for all pairs, and every respect in which
-      the pair is that far apart has the same sign.
+    - "better", "worse": the exact test has p < 0.05 after Holm's correction for all pairs. Every respect in which the
+      pair is that far apart has the same sign.
     - "mixed": the same p, and such respects have different signs.
     - "no difference found": p is larger, and the 95 % interval of the difference lies within the margin.
-    - "cannot tell": anything else, with a number of seeds that would decide with a probability of 80 %, if the
-      difference and the scatter are as large as they look.
+    - "cannot tell": anything else. If the difference and the scatter are as large as they look, the number of seeds
+      would decide with a probability of 80 %.
     """
     tested = [_estimate(pair) for pair in pairs]
     family = [each for each in tested if each.difference.alone is not None]
@@ -106,6 +106,7 @@ class _Tested:
 
 def _estimate(pair: Pair) -> _Tested:
     """The difference before it is judged, with the p-value of this pair alone, or None if it is not tested."""
+    # Sums are over sorted seeds: a float sum depends on the order, and the verdict must not.
     both = (pair.one, pair.other)
     word: Word = "=" if pair.alike else "cannot tell"
     if not all(values and np.isfinite(values).all() for values in both):
@@ -133,7 +134,7 @@ def _estimate(pair: Pair) -> _Tested:
 def _decide(tested: _Tested, chance: float, family: int) -> Difference:
     difference, margin = replace(tested.difference, chance=chance), tested.pair.margin
     if chance < ALPHA:
-        paid = chance / (difference.alone or chance)  # what Holm's correction asks of this pair, in all respects
+        paid = chance / (difference.alone or chance)  # Holm's factor for this pair, which every respect has to pay
         deciding = [look for look in tested.looks if look.chance * paid < ALPHA]
         signs = {look.sign for look in deciding}
         word: Word = "mixed" if len(signs) > 1 else "better" if signs == {1} else "worse"
@@ -154,12 +155,14 @@ def _enough(tested: _Tested, alpha: float) -> int:
     from scipy import special
 
     one, other, margin = tested.pair.one, tested.pair.other, tested.pair.margin
+    # Of comb(2n, n) deals, the observed one and its mirror are the farthest apart: no p-value is below 2 / comb(2n, n).
     fewest = next(n for n in range(max(len(one), len(other)) + 1, MOST_SEEDS) if math.comb(2 * n, n) > 2 / alpha)
     counts = np.arange(fewest, MOST_SEEDS + 1)
     error = np.sqrt((np.var(one, ddof=1) + np.var(other, ddof=1)) / counts)
     size = abs(tested.difference.value or 0.0)
     if not size and not error[0]:  # all seeds have the same value: no number of them says more
         return MOST_SEEDS + 1
+    # Welch's degrees of freedom grow with the seeds, up to those of equal variances, 2n - 2.
     freedom = np.minimum(tested.freedom * (counts - 1) / (min(len(one), len(other)) - 1), 2 * counts - 2)
     with np.errstate(divide="ignore"):
         decided = special.stdtr(freedom, size / error - special.stdtrit(freedom, 1 - alpha / _LOOKS / 2))
@@ -181,7 +184,7 @@ def holm(chances: Sequence[float]) -> list[float]:
 
 
 _ALL_DEALS = 200_000
-"""Up to so many deals are all computed: up to 10 seeds against 10. Otherwise as many as fit into `_HELD` are drawn."""
+"""All deals are computed if they are no more, up to 10 seeds against 10. Else as many as fit into `_HELD` are drawn."""
 _HELD = 4_000_000  # numbers that the drawn deals have together
 _FLOOR, _TIE = 1e-9, 1e-5
 """The least variance, where the spread of all values is 1; statistics closer than the second number are the same."""
@@ -206,7 +209,8 @@ def exact_test(one: Sample, other: Sample) -> tuple[Look, ...]:
     """
     statistics = _statistics(one, other)
     sizes = [np.abs(values) for values in statistics]
-    # for each deal, the share of deals whose statistic is as large as its own
+    # For each deal, the share of deals whose statistic is as large as its own. Equal deals round differently, hence
+    # the tolerance: without it a tie would count for or against by chance.
     chances = [1 - np.searchsorted(np.sort(each), each * (1 - _TIE), side="left") / len(each) for each in sizes]
     least = np.min(chances, axis=0)
     respects: tuple[Respect, ...] = ("mean", "rank", "learned")

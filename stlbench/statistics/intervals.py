@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 LEVEL = 0.95  # confidence of every interval in tables and figures; the median of five seeds has 93.75 %
-FEWEST = 5  # seeds of an interval of the median, at least: of four, no two seeds cover it in more than 87.5 % of cases
+FEWEST = 5  # seeds of an interval of the median, at least: the ends of four seeds cover it in 87.5 % of cases only
 
 
 class Interval(NamedTuple):
@@ -37,9 +37,9 @@ def median_interval(values: Sequence[float]) -> Interval | None:
     """Interval of the median: from one seed to another (Thompson 1936, Annals of Mathematical Statistics 7).
 
     The number of seeds below the median is binomial with probability 1/2, whatever the distribution is, also if many
-    seeds fail. As many seeds are outside at either end as leave a coverage of 95 %, or none. Coverage is 93.75 % for
-    five values, 97.9 % for ten, at least 95 % for any other number. None for fewer than `FEWEST`, or one that is not
-    finite.
+    seeds fail. The interval leaves out as many seeds at either end as a coverage of 95 % allows. The coverage is
+    93.75 % for five values, 97.9 % for ten, at least 95 % for any other number. The interval is None for fewer values
+    than `FEWEST`, or if one is not finite.
     """
     if len(values) < FEWEST or not np.isfinite(values).all():
         return None
@@ -49,7 +49,7 @@ def median_interval(values: Sequence[float]) -> Interval | None:
 
 @lru_cache
 def _outside(count: int) -> int:
-    """How many of the seeds may be outside at either end."""
+    """The number of seeds that may be outside at either end."""
     from scipy import stats
 
     return max(0, int(stats.binom.ppf((1 - LEVEL) / 2, count, 0.5)) - 1)
@@ -94,13 +94,13 @@ Point = tuple[int, float, float]  # one checkpoint: its environment steps, and w
 
 
 class MeanCurve(NamedTuple):
-    """One line: the mean over seeds at common steps (p,), and the ends of its interval where it has one."""
+    """One line: the mean over seeds at common steps (p,), and the ends of its interval if it has one."""
 
     steps: Array
     mean: Array
     low: Array  # (p,): NaN where there is no interval
     high: Array
-    least: float  # of all seeds
+    least: float  # the least and the greatest value of any seed at a common step
     most: float
 
 
@@ -138,7 +138,9 @@ _SMALLEST = 1e-15  # a share that is closer to 0 or to 1 is not told from it
 def log_evidence(successes: ArrayLike, trials: ArrayLike, share: ArrayLike) -> Any:
     """Logarithm of the evidence against a share in (0, 1), from so many trials: arrays or numbers, like the arguments.
 
-    If the share is true, the probability is at most a that the evidence is ever above 1 / a.
+    It is the likelihood of the trials, averaged over shares with the weight Beta(1/2, 1/2), over that of the share. If
+    the share is true, the probability is at most a that the evidence is ever above 1 / a (Robbins 1970, Annals of
+    Mathematical Statistics 41).
     """
     from scipy import special
 
@@ -151,7 +153,8 @@ def log_evidence(successes: ArrayLike, trials: ArrayLike, share: ArrayLike) -> A
 def share_sequence(successes: int, trials: int, level: float) -> Interval:
     """Interval of a share, in [0, 1], that covers it with probability `level` at all numbers of trials at once.
 
-    The trials are independent, and the share is the probability of a success.
+    The trials are independent, and the share is the probability of a success. The interval has the shares that
+    `log_evidence` does not refute.
     """
     if not trials:
         return Interval(0.0, 1.0)
