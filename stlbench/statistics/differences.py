@@ -156,7 +156,10 @@ def _enough(tested: _Tested, alpha: float) -> int:
 
     one, other, margin = tested.pair.one, tested.pair.other, tested.pair.margin
     # Of comb(2n, n) deals, the observed one and its mirror are the farthest apart: no p-value is below 2 / comb(2n, n).
-    fewest = next(n for n in range(max(len(one), len(other)) + 1, MOST_SEEDS) if math.comb(2 * n, n) > 2 / alpha)
+    more = range(max(len(one), len(other)) + 1, MOST_SEEDS + 1)
+    fewest = next((n for n in more if math.comb(2 * n, n) > 2 / alpha), None)
+    if fewest is None:
+        return MOST_SEEDS + 1
     counts = np.arange(fewest, MOST_SEEDS + 1)
     error = np.sqrt((np.var(one, ddof=1) + np.var(other, ddof=1)) / counts)
     size = abs(tested.difference.value or 0.0)

@@ -120,6 +120,12 @@ def test_within_the_margin_there_is_no_difference_and_outside_nobody_can_tell():
     assert word(shifted(0.05), NORMAL) == f"cannot tell, over {MOST_SEEDS} seeds would"
 
 
+def test_no_number_is_computed_beyond_the_most():
+    values = np.random.default_rng(0).normal(size=MOST_SEEDS)
+    for count in (MOST_SEEDS - 1, MOST_SEEDS):
+        assert word(values[:count].tolist(), values[:count].tolist()) == f"cannot tell, over {MOST_SEEDS} seeds would"
+
+
 def test_holms_correction_is_for_all_pairs_that_are_tested():
     one = shifted(1.3)
     (alone,) = differences([Pair(one, NORMAL)])
