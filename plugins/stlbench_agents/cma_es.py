@@ -38,13 +38,13 @@ _AGREE, _DISAGREE = 0.9, 0.5
 """Correlations of two halves of the starts in how they rank the candidates. Above the first, the next generation has
 half as many starts; below the second, twice as many."""
 _RACING = ((2, 0.3), (1, 1.0))
-"""So many runs, by turns, up to this share of the budget."""
+"""This number of runs, by turns, up to this share of the budget."""
 _RESUMED = 0.2
-"""The share of the spread where a search starts from an earlier policy."""
+"""The share of the spread in a search that starts from an earlier policy."""
 _LAST = 10
-"""Generations that say what a run is worth."""
+"""The last generations, whose mean is the worth of a run."""
 _FULL = 200
-"""Numbers of a policy up to which their covariances are learned; of more, their variances alone."""
+"""Covariances are learned of up to this many numbers of a policy; of more, their variances alone."""
 _GAIN = 6.0
 """The spread of gains on an observation of one entry, over that of the course. A pole is not held by small gains."""
 
@@ -212,7 +212,7 @@ class Family:
         return max(2, hidden - 2 * self.inputs + 1)
 
     def numbers(self, policy: Policy) -> Array:
-        """The numbers of which `policy` made a network: (axes, d + knots). Raises `Unsuitable` for another network."""
+        """The numbers that `policy` made a network of: (axes, d + knots). Raises `Unsuitable` for another network."""
         layers = _layers(policy)
         matrix, bias = layers[-1]
         if isinstance(self.actions, ActionBox):
@@ -253,13 +253,14 @@ class Trial:
         """Play until each copy has ended one whole episode, for about at most `budget` steps. The steps taken."""
         environment, taken = self._environment, 0
         each = environment.count * environment.hold
-        begun = self._seen[:, family.inputs] == -1
+        begun = self._seen[:, family.inputs] == -1  # at time 0: only whole episodes count, exploring ones begin later
         played = np.zeros(environment.count, dtype=np.int64)
         while not self.is_over and (taken + each <= budget or not taken):
             step = environment.step(family.act(numbers, self._seen))
             taken += each
             counts = begun & ~self._over
             played += 1
+            # An early end pays for ever after. There is no discount, so "for ever" is for the decisions that are left.
             left = np.where(step.event == Event.END, environment.decisions - played, 0)
             self._sums[counts] += (step.reward * (1 + np.maximum(left, 0)))[counts]
             ended = step.ended
@@ -292,7 +293,7 @@ class _Run:
 
     def __init__(self, agent: CMAES, family: Family, begun: Array, spread: float, seed: tuple[int, int]) -> None:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of optional packages that are not installed
+            warnings.simplefilter("ignore")  # it warns of optional packages that are not installed
             import cma
 
         generator = np.random.default_rng(seed)
@@ -330,7 +331,7 @@ class _Run:
 
 
 class _Search:
-    """Runs by successive halving: each may end where no step leads on."""
+    """Runs by successive halving: each may get stuck, so the better one of several goes on."""
 
     def __init__(self, agent: CMAES, family: Family, begun: Array, training: Training) -> None:
         spread = agent.spread * (1.0 if training.initial is None else _RESUMED)
@@ -338,7 +339,7 @@ class _Search:
         self._racing = self._runs
 
     def run(self, share: float) -> _Run:
-        """The one whose turn it is after such a share of the budget."""
+        """The run whose turn it is after such a share of the budget."""
         stage = next((stage for stage, (_, end) in enumerate(_RACING) if share < end), len(_RACING) - 1)
         begin, (runs, end) = _RACING[stage - 1][1] if stage else 0.0, _RACING[stage]
         if len(self._racing) > runs:

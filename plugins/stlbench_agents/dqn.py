@@ -32,9 +32,8 @@ _RESUMED = 0.2
 class DQN(training.DeepQ, training.LockStepAgent):
     """Deep Q-learning with a time-aware input, epsilon-greedy, replay and a target network (Algorithm 2).
 
-    The defaults are one recipe for all tasks that come
-    with stlbench; a task file names the widths of the layers, the head and gamma, which depend on its actions and its
-    time scale. The paper's Algorithm 2 to the letter is
+    The defaults are one recipe for all tasks that come with stlbench. A task file names the widths of the layers, the
+    head and gamma, which depend on its actions and its time scale. The paper's Algorithm 2 to the letter is
     `dqn[double=false,n_steps=1,tau=1,target_update_interval=1000,averaging=0,copies=1]`.
     """
 

@@ -1,11 +1,11 @@
 """The arithmetic of deep Q-learning, compiled by numba: acting, and the gradient of the loss.
 
-Why not a framework: at these sizes (batch 128, layers of 64 to 128) dispatch, bookkeeping and unfused elementwise work
+No framework is used: at these sizes (batch 128, layers of 64 to 128) dispatch, bookkeeping and unfused elementwise work
 cost more than the matrix products; docs/performance.md compares. Everything works in place on weights that lie in one
 flat vector, as `stlbench_agents.layers` says. The tests check the gradient against torch's autograd.
 
-`axes` counts the actions along each axis of the grid. With `additive` the first output is V and
-Q = V + sum_i (A_i(a_i) - mean A_i); without, there is one axis of all the actions and Q = A_1(a).
+`axes` counts the actions along each axis of the grid. In an additive network the first output is V and
+Q = V + sum_i (A_i(a_i) - mean A_i). Any other has one axis of all the actions, and Q = A_1(a).
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indic
     return chosen
 
 
-_NO_CHANCE = np.empty((2, 0))
+_NO_CHANCE = np.empty((2, 0))  # nothing is read of it, as epsilon is 0
 
 
 @inlined
@@ -161,7 +161,10 @@ def additive_gradient(
 def _look_ahead(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, buffers: QBuffers
 ) -> None:
-    """The target network's hidden layers where transitions arrived; with `double` also the best actions there."""
+    """The target network's hidden layers where transitions arrived; with `double` also the best actions there.
+
+    Both networks share the memory of activations, so the online network, whose outputs count here, comes first.
+    """
     rows, passes = len(batch.returns), buffers.passes
     if len(buffers.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")

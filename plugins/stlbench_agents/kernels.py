@@ -20,11 +20,11 @@ from stlbench_agents import plain_kernels
 from stlbench_agents.plain_kernels import Decorator, Floats, Matrix
 
 START: Any = np.int64(0)
-"""Where a vector begins. A plain 0 is a type of its own to Numba, for which it would compile `inner_product` again."""
+"""The beginning of a vector. A plain 0 is a type of its own to Numba, which would compile `inner_product` again."""
 
 
 def choose() -> ModuleType:
-    """`llvm_kernels` where it agrees with `plain_kernels`, which is checked once on each machine; else that module."""
+    """`llvm_kernels` if it agrees with `plain_kernels`, which is checked once on each machine; else that module."""
     try:
         from stlbench_agents import llvm_kernels
 
@@ -72,8 +72,8 @@ _chosen = choose()
 
 compiled: Decorator = _chosen.compiled
 """`numba.njit`, with its code kept on disk. A division by 0 gives infinity: a check for it would keep loops scalar. The
-compiler may not reorder sums (`fastmath`), since a function is compiled anew wherever it is used, and the copies must
-agree to the last bit."""
+compiler may not reorder sums (`fastmath`). A function is compiled anew wherever it is used, and the copies must agree
+to the last bit."""
 inlined: Decorator = _chosen.inlined
 """The same for a function that becomes a part of its callers, which spares the time to compile it on its own."""
 part: Decorator = _chosen.part

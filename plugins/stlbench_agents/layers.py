@@ -79,7 +79,7 @@ class OutputBuffers(NamedTuple):
 
 
 def _widest(layers: Indices) -> int:
-    """The width of the widest layer; of the inputs only where there are no hidden layers."""
+    """The width of the widest layer; the inputs' count only if there are no hidden layers."""
     return int(max(layers[-1, 1], *layers[:, 2]))
 
 
@@ -100,7 +100,7 @@ def layout(widths: Sequence[int], begin: int = 0) -> Indices:
 
 
 def size_of(layers: Indices) -> int:
-    """Where a network ends in its vector."""
+    """The place at which a network ends in its vector."""
     return int(layers[-1, 3] + layers[-1, 1])
 
 
@@ -115,7 +115,7 @@ def views(flat: Floats, layers: Indices) -> list[Floats]:
 
 @part
 def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> None:
-    """The hidden layers of B = `rows` inputs x, one per row of `into`; the inputs themselves where there are none."""
+    """The hidden layers of B = `rows` inputs x, one per row of `into`; the inputs themselves if there are none."""
     if len(layers) == 1:
         for i in range(len(x)):
             into[0, i] = x[i]
@@ -170,7 +170,7 @@ def back_outputs(
     wanted: bool,
     into: Floats,
 ) -> None:
-    """From the gradient by the outputs (B, outputs), compute that by the inputs (B, width), in `passes.backward[0]`.
+    """Compute the gradient by the last layer's inputs, in `passes.backward[0]`, from that by its outputs (B, outputs).
 
     If `wanted`, also write the gradient by the last layer's weights to `into`.
     """
@@ -187,7 +187,7 @@ def back_outputs(
 def back_hidden(
     flat: Floats, layers: Indices, x: Floats, rows: int, passes: PassBuffers, wanted: bool, into: Floats
 ) -> Floats:
-    """From the gradient by the last hidden layer, in `passes.backward[0]`, compute that by the first layer's sums.
+    """Compute the gradient by the first layer's sums from that by the last hidden layer, in `passes.backward[0]`.
 
     If `wanted`, also write the gradient by all weights below to `into`. `passes.forward` has the activations.
     """
@@ -230,7 +230,7 @@ class Weights(NamedTuple):
 
     online: Floats
     target: Floats
-    average: Floats  # of the reported policy
+    average: Floats  # the weights of the reported policy
     gradient: Floats
     mean: Floats  # Adam's first moment
     square: Floats  # Adam's second moment

@@ -1,11 +1,11 @@
-"""The kernels written for LLVM. With `llvm_vectors`, this module alone builds on interfaces which Numba may change.
+"""The kernels written for LLVM. Only this module and `llvm_vectors` build on interfaces which Numba may change.
 
 `kernels` describes the functions and `plain_kernels` defines their bits. Three things make them fast:
 
 - Products. BLAS is made for large matrices: for two of 128 x 128 it makes 96 billion operations a second on a machine
   where this kernel makes 236. The kernel keeps 8 x 32 results in registers and copies no operand.
 - Compilation. Reference counts (`_nrt`) and the code by which Python calls a function take time to compile, so
-  functions here have neither. Views of memory are written for LLVM, since each is used a dozen times and a function in
+  functions here have neither. Views of memory are written for LLVM. Each is used a dozen times, and a function in
   Python would take 10 to 20 milliseconds for each use.
 - Calls. Numba looks at the type of every argument of every call; `fixed_types` does so once.
 """
@@ -109,7 +109,7 @@ def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
         signature = types.void(a, b, bias, least, out, types.intp, types.intp)
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
-            builder.function.attributes.add("noinline")  # of `_blocks`: copies would only take time to compile
+            builder.function.attributes.add("noinline")  # copies in `_blocks` would only take time to compile
             kinds = [kind.types[0] for kind in (a, b, bias, out)]
             parts = [cgutils.unpack_tuple(builder, args[place]) for place in (0, 1, 2, 4)]
             code = Vectors(context, builder, kinds[0].dtype, VECTOR_BYTES, parts[3][3] if narrow else None)
@@ -136,7 +136,7 @@ def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
 
 
 def _started(code: Vectors, bias: ir.Value, rows: ir.Value, vectors: int) -> list[ir.Value]:
-    """The first values of the sums of a row: the bias, or 0 where it has no rows."""
+    """The first values of the sums of a row: the bias, or 0 if it has no rows."""
     builder = code.builder
     zeros = builder.bitcast(cgutils.alloca_once_value(builder, code.zero), BYTE_POINTER)
     is_empty = builder.icmp_signed("==", rows, INT64(0))

@@ -78,7 +78,7 @@ class Vectors:
         return self.builder.shuffle_vector(first, undefined, everywhere)
 
     def fused(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
-        """a b + c; rounded twice under a mask."""
+        """a b + c; rounded twice under a mask, as the reference does for narrow products."""
         if self._mask is not None:
             return self.builder.fadd(c, self.builder.fmul(a, b))
         return self.builder.call(self._fused, [a, b, c])

@@ -1,7 +1,7 @@
-"""The kernels in plain Numba: the reference for `llvm_kernels`, and its replacement where Numba does not suit it.
+"""The kernels in plain Numba: the reference for `llvm_kernels`, and its replacement if Numba does not suit it.
 
 Both modules have the same functions, which `kernels` describes, and give the same bits: they add the same terms in the
-same order and round at the same places. With this module an update takes several times as long.
+same order and round at the same places. An update takes several times as long here.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class ActorPolicy(Policy):
     def __init__(
         self, layers: Sequence[Layer], box: ActionBox, activation: Literal["relu", "tanh"], squashed: bool
     ) -> None:
-        """The layers are copied. With `squashed`, tanh of the output spans the box; else it is clipped to it."""
+        """The layers are copied. If `squashed`, tanh of the output spans the box; else it is clipped to it."""
         self.layers = [(matrix.copy(), bias.copy()) for matrix, bias in layers]
         self.activation, self.squashed = activation, squashed
         self._low, self._high = np.array(box.low), np.array(box.high)

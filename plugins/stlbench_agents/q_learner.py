@@ -120,7 +120,7 @@ def _times(grid: tuple[int, ...]) -> str:
 
 class Schedule(NamedTuple):
     rate: float
-    decay: float  # of the learning rate, from one update to the next
+    decay: float  # factor on the learning rate, from one update to the next
     max_norm: float
     tau: float
     interval: int
@@ -168,7 +168,7 @@ class QLearner:
         self._update = fixed_types(_update_joint if recipe.head == "joint" else _update_additive)
 
     def resume(self, policy: GreedyPolicy) -> None:
-        """Start from the weights of an earlier policy. Raises `Unsuitable` where it has another network."""
+        """Start from the weights of an earlier policy. Raises `Unsuitable` if it has another network."""
         own, other = self.network, policy.network
         refuse_other((own.inputs, *own.net_arch), (other.inputs, *other.net_arch))
         if own.head != other.head:
@@ -248,5 +248,6 @@ def _update_additive(
 @inlined
 def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0
+    # The average begins as the plain mean of all weights so far, so that the first ones soon count little.
     share = max(1 - schedule.averaging, 1 / (count + 1)) if schedule.averaging > 0 else 0.0
     step(weights, schedule.rate * schedule.decay**count, count + 1, schedule.max_norm, tau, share)

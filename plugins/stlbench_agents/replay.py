@@ -13,18 +13,18 @@ from stlbench_agents.layers import zeros
 
 Single = NDArray[np.float32]
 
-_STOP, _END = 1, 2  # how a return stops after a transition: it bootstraps, or nothing follows
+_STOP, _END = 1, 2  # a return stops after the transition: it bootstraps, or nothing follows
 
 
 class Batch(NamedTuple):
     """B transitions of up to n decisions."""
 
     observation: Single  # (B, D), x_t
-    action: NDArray[Any]  # (B,), a_t, or (B, axes) where actions are vectors
-    returns: Single  # (B,), r_t + gamma r_{t+1} + ... up to n rewards, fewer where the return stops
-    arrived: Single  # (B, D), what to bootstrap from
+    action: NDArray[Any]  # (B,), a_t, or (B, axes) if actions are vectors
+    returns: Single  # (B,), r_t + gamma r_{t+1} + ... up to n rewards, fewer if the return stops
+    arrived: Single  # (B, D), the observation to bootstrap from
     discount: Single
-    """(B,), the weight of the bootstrap value: gamma to the number of rewards in `returns`, 0 where nothing follows."""
+    """(B,), the weight of the bootstrap value: gamma to the number of rewards in `returns`, 0 if nothing follows."""
     bounds: Single  # (2,), as in `Memory`
 
     @staticmethod
@@ -61,7 +61,7 @@ def _actions(rows: int, axes: int) -> NDArray[Any]:
 def weighted_rewards(transition: Transition, gamma: float, weight: float = 1.0) -> Array:
     """The rewards (N,), times `weight`; at an `Event.END` times 1 / (1 - gamma) too, as if paid for ever.
 
-    With gamma = 1 that sum is infinite, and the reward counts once.
+    The sum would be infinite for gamma = 1: the reward then counts once.
     """
     for_ever = weight if gamma == 1 else weight / (1 - gamma)
     weights: Array = np.where(transition.event == Event.END, for_ever, weight)
@@ -71,8 +71,8 @@ def weighted_rewards(transition: Transition, gamma: float, weight: float = 1.0) 
 class Replay:
     """The last `rows` lock-steps of `copies` environments: about rows * copies transitions.
 
-    Rewards are weighted by 1 - gamma, so that a value keeps the scale of the rewards whatever gamma is; with gamma = 1,
-    where that would be 0, they are not.
+    Rewards are weighted by 1 - gamma, so that a value keeps the scale of the rewards whatever gamma is. They are not
+    for gamma = 1, as the weight would be 0.
     """
 
     def __init__(
@@ -88,9 +88,10 @@ class Replay:
         bounded: bool = True,
     ) -> None:
         """Args: `limit` whether nothing is bootstrapped at the time limit; `axes` of vectors, 0 for indices; `bounded`
-        whether values are. With gamma = 1 a value is a sum, and has no bounds."""
+        whether values are. A value is a sum for gamma = 1, and has no bounds."""
         count = rows * copies
-        nothing = 0.0 if limit else -np.inf  # the value beyond a limit bounds values too
+        # No value yet lies between the bounds: the first rewards set them. A time limit that is an end has the value 0.
+        nothing = 0.0 if limit else -np.inf
         bounds = (-nothing, nothing) if bounded and gamma < 1 else (-np.inf, np.inf)
         self.memory = Memory(
             np.zeros((count, size), np.float32),
@@ -119,17 +120,19 @@ class Replay:
 
     def widen(self, reward: Array) -> None:
         """Widen the bounds of values by rewards (N,): a value is a weighted mean of rewards."""
-        rewards, bounds = reward.tolist(), self.memory.bounds  # of few copies: faster than NumPy's minimum and maximum
+        rewards, bounds = reward.tolist(), self.memory.bounds  # faster than NumPy's minimum and maximum of few numbers
         bounds[0], bounds[1] = min(bounds[0], self._scale * min(rewards)), max(bounds[1], self._scale * max(rewards))
 
     @property
     def ready(self) -> bool:
+        """Whether a return of n rewards can be drawn."""
         return self.count >= self._n
 
     def draw(self, generator: np.random.Generator, updates: int, batch: int) -> Integers:
-        """Draw transitions uniformly, with replacement: where they lie in `memory`, (updates, batch)."""
+        """Draw transitions uniformly, with replacement: their places in `memory`, (updates, batch)."""
         stored = min(self.count, self._rows)
         oldest = self.count % self._rows if self.count > self._rows else 0
+        # The newest n - 1 lock-steps begin no return of n rewards: the ring goes on with the oldest ones after them.
         drawn: Integers = generator.integers((stored - self._n + 1) * self._copies, size=(updates, batch))
         if oldest:
             drawn += oldest * self._copies

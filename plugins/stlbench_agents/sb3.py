@@ -38,14 +38,14 @@ class SB3Agent(shared.Learner):
 
     @abstractmethod
     def exported(self, model: Any, environment: Environment) -> Policy:
-        """The model's deterministic policy as it is now. Raises `Unsuitable` where the actions are of another kind."""
+        """The model's deterministic policy as it is now. Raises `Unsuitable` if the actions are of another kind."""
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
         return ActorPolicy.of(arrays, shared.box_of(actions))
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """The keyword arguments of SB3's class. Raises `Unsuitable` where the task's actions are of the other kind."""
+        """The keyword arguments of SB3's class. Raises `Unsuitable` if the task's actions are of the other kind."""
         (shared.grid_of if self.takes_grid else shared.box_of)(environment.actions)
         options = asdict(self)
         del options["copies"]
@@ -55,7 +55,7 @@ class SB3Agent(shared.Learner):
         return options
 
     def fitted(self, lock_steps: int) -> Self:
-        """The same agent, where need be with smaller numbers, for a budget of so many steps of all copies."""
+        """The same agent, if need be with smaller numbers, for a budget of so many steps of all copies."""
         return self
 
     @property
@@ -105,7 +105,7 @@ class SB3Agent(shared.Learner):
         from stlbench_agents.sb3_bridge import Checkpoints
 
         size, rounds = self.copies * self.rollout, lock_steps // self.rollout
-        model = self.model(environment, training.seed % 2**32)
+        model = self.model(environment, training.seed % 2**32)  # NumPy's global generator takes no larger seed
         final: Policy
 
         def report() -> bool:
@@ -248,7 +248,7 @@ class SB3PPO(SB3Agent):
         return self.n_steps
 
     def fitted(self, lock_steps: int) -> Self:
-        """With a rollout that the budget has, if possible in whole batches, and batches no larger than it."""
+        """The agent with a rollout that the budget has, if possible in whole batches, and batches no larger than it."""
         rollout = self.n_steps
         if lock_steps < rollout:
             whole = self.batch_size // math.gcd(self.batch_size, self.copies)

@@ -1,4 +1,4 @@
-"""Between stlbench.contract and Stable-Baselines3. Imported only where SB3 trains, as SB3 takes seconds to import."""
+"""The bridge from stlbench.contract to Stable-Baselines3. Only training imports it, as SB3 takes seconds to import."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ Info = dict[str, Any]
 class CopiesVecEnv(VecEnv):
     """An `Environment` as SB3's `VecEnv`, which restarts by itself.
 
-    SB3 bootstraps where an episode ends by the time limit. Where a violation ended it, the last reward is the
-    discounted sum of that reward for ever. A return that is cut while the episode goes on is reported as an end by the
-    time limit.
+    SB3 bootstraps if an episode ends by the time limit. If a violation ended it, the last reward is the discounted sum
+    of that reward for ever. A return that is cut while the episode goes on is reported as an end by the time limit.
     """
 
     def __init__(self, environment: Environment, gamma: float) -> None:
@@ -72,7 +71,7 @@ class CopiesVecEnv(VecEnv):
 
 
 class Checkpoints(BaseCallback):
-    """Calls `report` at the `timesteps`, ascending, and at the end of training, which stops where it answers True."""
+    """Calls `report` at the `timesteps`, ascending, and at the end of training. Training stops if it answers True."""
 
     def __init__(self, timesteps: Iterable[int], report: Callable[[], bool]) -> None:
         super().__init__()

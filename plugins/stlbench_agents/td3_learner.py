@@ -43,7 +43,7 @@ class Networks(NamedTuple):
     """The shapes of actor and critics, as `stlbench_agents.layers` has them."""
 
     actor: Indices  # (L, 4)
-    critics: Indices  # (2, L, 4): where each critic lies in the critics' vector
+    critics: Indices  # (2, L, 4): the place of each critic in the critics' vector
 
     @staticmethod
     def of(inputs: int, hidden: tuple[int, ...], axes: int) -> Networks:
@@ -105,7 +105,7 @@ def _output(
 
 @part
 def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into: Floats) -> None:
-    """As `outputs`, where there is one, as critics have: (B,)."""
+    """As `outputs` for a network with one, as critics are: (B,)."""
     at, _, width, bias = layers[-1]
     inner_products(last, 0, rows, width, flat, at, width, into)
     for i in range(rows):
@@ -194,7 +194,7 @@ _STILL = 0.1
 
 class Schedule(NamedTuple):
     rate: float
-    decay: float  # of the learning rate, from one update to the next
+    decay: float  # factor on the learning rate, from one update to the next
     tau: float
     delay: int
     averaging: float
@@ -251,7 +251,7 @@ class TD3Learner:
     def resume(self, policy: ActorPolicy) -> None:
         """Start from an earlier actor. A policy has no critics: the actor rests until fresh ones have learned.
 
-        Raises `Unsuitable` where it has another network.
+        Raises `Unsuitable` if it has another network.
         """
         layers = policy.layers
         own, other = views(self.actor.online, self.networks.actor)[:-2:2], [matrix for matrix, _ in layers[:-1]]
@@ -267,7 +267,7 @@ class TD3Learner:
             rate=rate, decay=decay(rate, least, self._updates), still=int(_STILL * self._updates) // delay * delay
         )
         self._noise[:] = self._noise[-1]
-        self._random_steps = 0
+        self._random_steps = 0  # the earlier policy acts from the start, and updates begin as late as without it
 
     def act(self, observation: Array) -> Array:
         shape = (self._copies, len(self.box.names))
@@ -287,7 +287,7 @@ class TD3Learner:
         return vectors
 
     def learn(self, observation: Array, action: Array, transition: Transition) -> None:
-        """Store the step; of the actions those that `act` has kept, in [-1, 1]."""
+        """Store the step, with the actions in [-1, 1] that `act` has kept."""
         self.replay.add(observation, self._action, transition)
         if self._done > self.recipe.random_steps and self.replay.ready:
             first = self.replay.draw(self._generator, self.recipe.gradient_steps, self.recipe.batch_size)

@@ -73,7 +73,7 @@ def box_of(actions: Actions) -> ActionBox:
 
 
 def refuse_other(own: Sequence[int], other: Sequence[int]) -> None:
-    """Raises `Unsuitable` where a policy to start from has other inputs, or other hidden layers, than the network."""
+    """Raises `Unsuitable` if a policy to start from has other inputs, or other hidden layers, than the network."""
     for what, ours, theirs in (("inputs", own[:1], other[:1]), ("hidden units", own[1:], other[1:])):
         if ours != theirs:
             numbers = [" and ".join(map(str, each)) for each in (theirs, ours)]
@@ -114,11 +114,11 @@ NotNegative = Annotated[float, Field(ge=0)]
 Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
 """Widths of the hidden layers of a network."""
 Head = Literal["joint", "additive"]
-"""How the outputs of a Q-network stand for actions (see `stlbench_agents.q_learner`)."""
+"""The meaning of a Q-network's outputs for actions (see `stlbench_agents.q_learner`)."""
 
 
 SHARED: Mapping[str, Any] = MappingProxyType({"net_arch": [128, 128], "gamma": 0.95})
-"""On the track `auto`, of the recipes of all agents that learn."""
+"""The entries that the recipes of all agents that learn share on the track `auto`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,7 +256,8 @@ class LockStepAgent(OffPolicy, CompiledAgent):
 class Counterfactuals:
     """Adds the counterfactual transitions of an environment, as many of each as its method asks for.
 
-    They stand alone, as returns of one reward, and take places in the same replay.
+    They stand alone, as returns of one reward, and take places in the same replay. They have a generator of their own,
+    so that a method without them has the same actions.
     """
 
     def __init__(self, environment: Environment, seed: int) -> None:
