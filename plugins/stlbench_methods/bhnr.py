@@ -14,15 +14,15 @@ from stlbench_methods.formula_parts import Margins, Sharpness, Truths, Values, s
 from stlbench_methods.progress import Known, Outer, Window, certain, outer_windows
 
 Reading: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr", "filtering", "filtering-sum"]
-_SHORT = 2  # a block of so many samples, or fewer, is paid nothing
+_SHORT = 2  # a block of this many samples, or fewer, is paid nothing
 
 
 class Bhnr(RewardMethod):
     """The formula's value on the last samples, as if they were all there is (bounded horizon nominal robustness).
 
     The source is for formulas without absolute times. Here an outer F[a,b] phi or G[a,b] phi counts at the steps which
-    it observes. It is then F phi or G phi of the last samples, without those before its first step, and windows inside
-    phi are cut at the newest. The reward is the and/or of those that count, and 0 where none does.
+    it observes. It is then F phi or G phi of the last samples, without those before its first step. Windows inside phi
+    are cut at the newest sample. The reward is the and/or of those that count, and 0 if none does.
 
     The policy sees the margins, or truths, of the last samples.
 
@@ -58,6 +58,7 @@ class Bhnr(RewardMethod):
         self._parts = [NewestSamples(each, specification, values, window, self._blocks) for each in outer]
         self.memory_size = sum(part.size for part in self._parts)
         ends = [np.array(part.ends) for part in self._parts]
+        # Each part may count alone, so the bounds are those of the parts and of the whole.
         low, high = np.stack([*ends, self._join([certain(each) for each in ends]).value], axis=1)
         most = window if self._blocks else 1
         self._floor = min(0.0, float(low.min())) * most
@@ -106,7 +107,7 @@ def _values(specification: Specification, semantics: Reading, sharpness: float) 
 class NewestSamples(Window):
     """The value of F phi or G phi on some of the last `count` samples, whose leaves are the memory (N, size).
 
-    It counts at the steps which it observes; where that is one, and there are blocks, up to the end of its block.
+    It counts at the steps which it observes. In blocks an operator of one step counts up to the end of its block.
     """
 
     def __init__(self, outer: Outer, specification: Specification, values: Values, count: int, blocks: bool) -> None:

@@ -81,7 +81,7 @@ class Causation(RewardMethod):
 
 
 class _Part(NamedTuple):
-    """F[0,width] psi, or psi where the width is 0, at each of the steps 0 to `last`."""
+    """F[0,width] psi, or psi if the width is 0, at each of the steps 0 to `last`."""
 
     psi: stl.Formula
     width: int
@@ -105,7 +105,7 @@ def _parts(specification: Specification) -> list[_Part]:
 
 
 def _of(conjunct: stl.Formula) -> list[_Part | None]:
-    """The parts of G[0,T] phi; None for what is of no such form."""
+    """The parts of G[0,T] phi; None for a conjunct of another form."""
     if not (isinstance(conjunct, stl.Always) and conjunct.a == 0):
         return [None]
     phi, last = conjunct.arg, conjunct.b

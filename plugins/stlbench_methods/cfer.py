@@ -11,22 +11,21 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, Specification
 from stlbench_methods.flag import Flag
 
-_Q = math.exp(-1)  # by how much less likely a flag is that is farther by 1
+_Q = math.exp(-1)  # the ratio of the weights of a flag that is farther by 1
 
 
 class Cfer(Flag):
     """The flags and the reward of `flag`; every transition may be learned from other flags too.
 
-    How a transition would change other flags is known, as that depends on the predicates alone. An agent that asks for
-    counterfactuals (`dqn`) stores each transition again with flags g in place of f, drawn with probability proportional
-    to exp(-||g - f||_1), flags counted in samples, as the source replays them. For an agent that does not, this is
-    `flag`.
+    A transition changes other flags in a known way, as that depends on the predicates alone. An agent that asks for
+    counterfactuals (`dqn`) stores each transition again with flags g in place of f. Their probability is proportional
+    to exp(-||g - f||_1), flags counted in samples, as the source replays them. For another agent this is `flag`.
 
     Args:
         beta: as of `flag`.
-        flags: `all`: each flag from 0 to full. `published`: the source's program leaves out the full flag, so no
-            experience is of a window G that is satisfied, or of a window F whose predicate holds now.
-        counterfactuals: so many times each transition is stored again.
+        flags: `all`: each flag from 0 to full. `published`: the source's program leaves out the full flag. It has no
+            experience of a window G that is satisfied, or of a window F whose predicate holds now.
+        counterfactuals: the number of times each transition is stored again.
 
     Raises:
         Unsuitable: as `flag`.
@@ -64,6 +63,7 @@ def _weight(count: Array) -> Array:
 
 def _distance(drawn: Array) -> Array:
     """The least distance, at least 1, up to which the weights sum up to more than `drawn`."""
+    # All weights together sum up to _Q / (1 - _Q): rounding must not leave less than nothing of them.
     left = np.maximum(1 - drawn * (1 - _Q) / _Q, np.finfo(float).tiny)
     distance: Array = np.floor(-np.log(left)) + 1
     return distance

@@ -75,7 +75,7 @@ def draw(tables: Tables, truths: Truth, t: Integers, chance: Array, memory: Arra
 @cached
 @njit()
 def _verdict(tables: Tables, memory: Array) -> tuple[int, bool]:
-    """How many parts are done, and whether one has failed."""
+    """The number of parts that are done, and whether one has failed."""
     done, failed = 0, False
     for i in range(len(tables.chain)):
         state = memory[tables.last[i]]

@@ -92,8 +92,8 @@ class Tables(NamedTuple):
     start: Integers  # (parts,)
     end: Integers  # (parts,)
     length: Integers  # (parts,)
-    needs: Integers  # (parts,): where its formulas begin in `which`
-    which: Integers  # (needs,): the place of a formula among all; -1 where there is none
+    needs: Integers  # (parts,): the place in `which` at which its formulas begin
+    which: Integers  # (needs,): the place of a formula among all; -1 if there is none
     most: Integers  # (m,): the greatest count of each number
 
 
@@ -119,7 +119,7 @@ def tables_of(parts: Sequence[Duty]) -> tuple[Tables, tuple[Formula, ...]]:
 def parts_of(formula: Formula) -> tuple[Duty, ...]:
     """The parts whose conjunction is the formula, intervals in steps.
 
-    Raises `Unsuitable` where one counter for each operator does not decide it, with the operator, its place and why.
+    Raises `Unsuitable` if one counter for each operator does not decide it, with the operator, its place and why.
     """
     refuse_past(formula)
     try:
@@ -237,7 +237,7 @@ def _split(phi: Formula) -> tuple[Formula | None, stl.Always | stl.Eventually]:
 
 
 def _simple(phi: Formula) -> Formula:
-    """Without operators over one sample, at the present step, and with negations inside."""
+    """The formula without operators over the present sample alone, and with negations inside."""
     if isinstance(phi, stl.Not) and is_temporal(phi):
         phi = stl.negations_inside(phi)
     if isinstance(phi, stl.Implies) and is_temporal(phi.left):
@@ -270,18 +270,18 @@ def _refuse(phi: Formula, reason: str) -> NoReturn:
 class Counters(RewardMethod):
     """Deadlines of nested operators, each as a count of samples.
 
-    For a chain F[a,b] (A & F[0,w] B) it is the time left after A, for a response G[a,b] (A -> F[0,w] B) how long the
-    oldest request waits, and for F[a,b] G[0,s] A how long A has held. A part is done, or has failed, as soon as no
+    A chain F[a,b] (A & F[0,w] B) counts the time left after A. A response G[a,b] (A -> F[0,w] B) counts how long the
+    oldest request waits. F[a,b] G[0,s] A counts how long A has held. A part is done, or has failed, as soon as no
     continuation changes that. So the verdict is the formula's. Parts are joined by `and`, as are the terms of eq. 2.
 
     If an episode of training begins later, the counters before it are those with the most time left.
 
     Args:
-        pays: `margin`: the mean share of the parts at each sample, the time left over the time to answer, the stages of
-            a chain that are reached, and 1 for a part that is done. `verdict`: 1 when all parts are done. Both pay -1
-            when one has failed, and nothing after it.
-        counterfactuals: so many times each transition is learned from with other counters too, which could be there at
-            its sample: each evenly drawn among those that the ones before it leave, and each part on its own.
+        pays: `margin`: the mean share of the parts at each sample. The share is the time left over the time to answer,
+            or the stages of a chain that are reached, or 1 for a part that is done. `verdict`: 1 when all parts are
+            done. Both pay -1 when one has failed, and nothing after it.
+        counterfactuals: the number of times that each transition is learned from with other counters too, which could
+            be there at its sample. Each is evenly drawn among those that the ones before it leave, part by part.
 
     Raises:
         Unsuitable: one counter for each operator does not decide the formula; the message names operator and place.
@@ -316,7 +316,7 @@ class Counters(RewardMethod):
         return self._run(samples[1:], t + 1, memory.copy())
 
     def inputs(self, memory: Array) -> Array:
-        """The share of each count in its greatest; for an answer the time left, below 0 where a request is open.
+        """The share of each count in its greatest; for an answer the time left, below 0 if a request is open.
 
         A part that is done ends with 1, one that has failed with -1.
         """
@@ -335,7 +335,7 @@ class Counters(RewardMethod):
         return over if self._margin else over | (state == DONE).all(axis=1)
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
-        """Counters that some past leads to, if formulas may hold together; of a part without any, its own."""
+        """Counters that some past leads to, if formulas may hold together; a part without any keeps its own."""
         from stlbench_methods.counter_kernels import draw
 
         other = memory.copy()

@@ -18,8 +18,8 @@ class Dense(Followed):
     step has been yet is worth its least over the box of the signals, a G its greatest.
 
     `difference` is L_{t+1} - L_t, where L_t is the least robustness that the whole trace can still have while the
-    signals are in their box. Its sum over an episode is the robustness less L_0, a constant of the start: without
-    discount it asks for the same as `tltl`, and as a potential it is paid for as soon as it is certain.
+    signals are in their box. Its sum over an episode is the robustness less L_0, a constant of the start. So it asks
+    for the same as `tltl` if nothing is discounted, but robustness is paid for as soon as it is certain.
 
     Args:
         mode: `level` or `difference`.

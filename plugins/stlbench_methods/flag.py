@@ -22,18 +22,18 @@ from stlbench_methods.formula_parts import EXTENSION, KINDS, Terms, Window, from
 class Flag(RewardMethod):
     """One flag per term, updated from the predicate alone; the reward is for the truth of the flags.
 
-    If the task (or its nested form) reads (F|G)[0,Te] phi, with phi an and/or of F[0,w] psi and G[0,w] psi: integer
-    counters over windows of w + 1 samples, sat = and/or of their verdicts, and the reward exp(beta (sat - 1)) for an
-    outer F, -exp(-beta sat) for an outer G. Both are in [-1, 1]: exp(beta sat) is scaled by exp(-beta). Windows may all
-    begin at the same later step, as in G[0,Te] G[300,310] psi: an extension, as the source has them from 0.
+    The task (or its nested form) may read (F|G)[0,Te] phi, with phi an and/or of F[0,w] psi and G[0,w] psi. Its flags
+    are integer counters over windows of w + 1 samples, and sat is the and/or of their verdicts. An outer F pays
+    exp(beta (sat - 1)), an outer G -exp(-beta sat). Both are in [-1, 1]: exp(beta sat) is scaled by exp(-beta). Windows
+    may all begin at the same later step, as in G[0,Te] G[300,310] psi: an extension, as the source has them from 0.
 
     Any other formula of the fragment of eq. 2 has no outer operator and absolute intervals, which that method does
     not treat. The extension: F[a,b] psi has a flag latched once psi held in [a,b]; the flag of G[a,b] psi is 1 until
     psi fails in [a,b]; F[a,c1] G[c2,b] psi counts samples of psi and latches at a full window. Each is paid as above,
-    F or G, on its own interval; where intervals overlap, the sum.
+    F or G, on its own interval; intervals that overlap pay the sum.
 
     Args:
-        beta: 50 in the sources; at that value the reward is 0 or 1 in size.
+        beta: 50 in the sources; the reward is then about 0 or 1 in size.
 
     Raises:
         Unsuitable: the formula has neither form.
@@ -70,7 +70,7 @@ class Flag(RewardMethod):
 
 
 class Flags(ABC):
-    """A set of m flags: their values before the first sample and when full, (m,) each; how they go on."""
+    """A set of m flags: their values before the first sample and when full, (m,) each, and their updates."""
 
     form: str
     initial: Array
@@ -92,7 +92,7 @@ class Flags(ABC):
 
     @abstractmethod
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
-        """Take samples (h, N, k), the first at steps t (N,), from flags (N, m): what each pays, and the flags after."""
+        """Take samples (h, N, k), the first at t (N,), from flags (N, m): the pay (h, N), and the flags after."""
 
 
 class WindowFlags(Flags):
@@ -130,7 +130,7 @@ class WindowFlags(Flags):
             begun = t + np.arange(len(samples))[:, None] >= self._first
             verdicts &= begun
         count(verdicts, self._eventually, self.full, after)
-        paid = self._paid[self._combined(verdicts).view(np.int8)]
+        paid = self._paid[self._combined(verdicts).view(np.int8)]  # False and True are the places 0 and 1
         return np.where(begun, paid, 0.0) if self._first else paid, after
 
 
@@ -146,7 +146,7 @@ class AbsoluteFlags(Flags):
             initial += {"F": [0.0], "G": [1.0], "FG": [0.0, 0.0]}[term.kind]
             full += [1.0, float(term.length)] if term.kind == "FG" else [1.0]
         self.columns = np.array(columns)
-        """(n,): where the flag of each term is, 1 where the term is satisfied once its interval is over."""
+        """(n,): the place of each term's flag, which is 1 if the term is satisfied once its interval is over."""
         self._holds = [specification.holds(term.psi) for term in terms]
         t = np.arange(specification.steps + 1)
         active = np.array([(term.start <= t) & (t <= term.end) for term in terms])
@@ -161,7 +161,7 @@ class AbsoluteFlags(Flags):
         self.scale = float(active.sum(axis=0).max())
 
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
-        """Latch F, drop G, count and latch F G, each on its own interval alone; pay the sum of those on whose it is."""
+        """Latch F, drop G, count and latch F G, each on its own interval alone; pay the sum over those intervals."""
         from stlbench_methods.updates import latch  # as above
 
         after = flags.copy()

@@ -33,7 +33,7 @@ def refuse_past(formula: stl.Formula) -> None:
 def bounded_range(specification: Specification, psi: stl.Formula, term: object) -> tuple[float, float]:
     """The bounds of the robustness of `psi`, a part of `term`.
 
-    Raises `Unsuitable` where it has no bounds, or where the part cannot fail or cannot hold, as `True` or `1 >= 0`.
+    Raises `Unsuitable` if it has no bounds, or if the part cannot fail or cannot hold, as `True` or `1 >= 0`.
     """
     low, high = specification.range(psi)
     if not stl.signals(psi) or math.inf in (low, -high):
@@ -95,7 +95,7 @@ class Terms(NamedTuple):
     """The n terms of a conjunction, for compiled code."""
 
     kinds: Integers  # (n,): `F`, `G` or `FG`
-    columns: Integers  # (n,): where a term's flag is; the counter of F G follows it
+    columns: Integers  # (n,): the place of a term's flag; the counter of F G follows it
     active: Truth  # (n, T + 1): the samples of its interval
     paid: Array  # (n, 2): for the flag down and up
 
@@ -103,10 +103,11 @@ class Terms(NamedTuple):
 ValueAt = Callable[[Array, Integers], Array]  # a function of signals (..., k) and sample indices (...), giving (...)
 
 Activity = Literal["last-deadline", "literal"]
-"""`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
-starts (the first step that it reads: a, or a + c2 for F[a,c1] G[c2,b]) and before end_i, else 0; this gives eq. 11 for
-sequences and the overlap example alike. So a term of one sample is active up to it. `literal`: term i is active on its
-own interval alone, as in the piecewise example of sec. III-B, and its funnel starts at 0."""
+"""`last-deadline`: term i is active on (t0_i, end_i]. t0_i is the latest end of a term that ends at or before term i
+starts, and before end_i; it is 0 without such a term. Term i starts at the first step that it reads: a, or a + c2 for
+F[a,c1] G[c2,b]. This gives eq. 11 for sequences and the overlap example alike. So a term of one sample is active up to
+it. `literal`: term i is active on its own interval alone, as in the piecewise example of sec. III-B, and its funnel
+starts at 0."""
 
 
 def active_from(terms: Sequence[Term], activity: Activity) -> list[int]:
@@ -123,6 +124,7 @@ def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth
     if activity == "literal":
         return np.array([(term.start <= t) & (t <= term.end) for term in terms])
     begins = active_from(terms, activity)
+    # t0 = 0 is the start of the task, and not the deadline of another term: the term is active there too.
     return np.array([((t > t0) | (t0 == 0)) & (t <= term.end) for term, t0 in zip(terms, begins, strict=True)])
 
 
@@ -142,7 +144,7 @@ def least_paid(least: Array, active: Truth) -> float:
 
 
 def least_active(values: Sequence[ValueAt], active: Truth) -> ValueAt:
-    """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently)."""
+    """The minimum of the active terms' values, and 0 if no term is active (Algorithm 1, read consistently)."""
     if len(values) == 1 and active.all():
         return values[0]
     idle = np.asarray(~active.any(axis=0))
@@ -150,7 +152,7 @@ def least_active(values: Sequence[ValueAt], active: Truth) -> ValueAt:
 
     def reward(signals: Array, t: Integers) -> Array:
         least: Array | None = None
-        known = isinstance(t, np.ndarray)  # while JAX traces nobody knows the times, and each term may be active
+        known = isinstance(t, np.ndarray)  # while JAX traces, nobody knows the times, and each term may be active
         for value, mask in zip(values, active, strict=True):
             now = at(mask, t)
             rows = np.count_nonzero(now) if known else -1
@@ -171,7 +173,7 @@ Sharpness: TypeAlias = Annotated[float, Field(gt=0, le=100)]
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins; divided by the largest size over the box of the signals where the semantics is made for [-1, 1].
+    """Margins; divided by the largest size over the box of the signals if the semantics is made for [-1, 1].
 
     Raises:
         Unsuitable: a margin has no bounds, as that of `True`.
@@ -197,7 +199,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class Truths:
-    """1 where a leaf holds, else 0."""
+    """1 if a leaf holds, else 0."""
 
     specification: Specification
     semantics: stl.Semantics
@@ -210,4 +212,4 @@ class Truths:
         return 0.0, 1.0
 
 
-Values: TypeAlias = Margins | Truths  # of leaves, and what combines them
+Values: TypeAlias = Margins | Truths  # the values of leaves, and the semantics that combines them

@@ -136,7 +136,7 @@ class Funnel(RewardMethod):
         return lambda s, t: margin(s) + formula_parts.at(offset, t)
 
     def _worst(self, curve: Curve, shape: Shape) -> Array:
-        """The term's reward where psi is least in the box of the signals, at each sample: (T + 1,)."""
+        """The term's reward if psi is least in the box of the signals, at each sample: (T + 1,)."""
         gamma = self._width(curve)
         return -np.log1p(curve.gamma_0 / gamma) if shape == "normalised" else gamma - curve.gamma_0
 
@@ -146,7 +146,7 @@ class Funnel(RewardMethod):
 
 
 def _t_star(term: Term, t0: int, variant: Variant, share: float) -> float:
-    """When the funnel's lower bound reaches 0 (Table I)."""
+    """The time at which the funnel's lower bound reaches 0 (Table I)."""
     if term.kind == "F":
         return term.a + share * (term.b - term.a)
     if term.kind == "FG":

@@ -64,7 +64,7 @@ class Hprs(RewardMethod):
         self.can_end = violation == "ends"
         self.memory_size = self._counted + int(self.can_end)
         self.extension = f"intervals are not looked at{'; several targets' if self._counted else ''}"
-        self.scale = 1.0 - self.floor
+        self.scale = 1.0 - self.floor  # at most the target and the whole potential are paid at once
 
     @property
     def floor(self) -> float:
@@ -75,7 +75,7 @@ class Hprs(RewardMethod):
         return self._counted
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """None done before the first sample, which counts as a target, and not as a violation: (N, m)."""
+        """The memory (N, m): no target is done before the first sample, which may reach one and violates nothing."""
         counted = self._progress(truths(self._at, signals[None]), np.zeros((len(signals), self._counted)))[1]
         return np.concatenate([counted, np.zeros((len(signals), self.memory_size - self._counted))], axis=1)
 
@@ -98,7 +98,7 @@ class Hprs(RewardMethod):
         return over
 
     def inputs(self, memory: Array) -> Array:
-        """The share of the targets that is done, and of the samples that the one of now needs: in [0, 1]."""
+        """The share of the targets that is done, and that of the samples that the target of now needs: in [0, 1]."""
         if not self._counted:
             return memory[:, :0]
         done = memory[:, 0].astype(np.int64)
@@ -143,5 +143,5 @@ def _divided(terms: Sequence[Term], later: str) -> tuple[list[Term], list[Term]]
 
 
 def _nearness(h: Array, least: float) -> Array:
-    """n: 1 where the robustness is not negative, 0 where it is the least of the box."""
+    """n: 1 if the robustness is not negative, 0 if it is the least of the box."""
     return np.clip(1 - h / least, 0.0, 1.0) if least < 0 else np.ones_like(h)

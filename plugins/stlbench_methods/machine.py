@@ -21,15 +21,15 @@ class Machine(RewardMethod):
     exactly when no continuation can satisfy it. The machine is over when all terms are done or one has failed, and
     nothing is paid after that; its verdict is the formula's.
 
-    If an episode of training begins later, each run that began before has the least length that can still be
-    completed, and a term that could not begin any more is done.
+    An episode of training may begin later. Each run that began before then has the least length that can still be
+    completed. A term that could not begin any more is done.
 
     Args:
-        shaping: `none`. `phases`: beside it Phi(s') - Phi(s), Phi minus the share of the phases that are left: of a
-            term that waits, to hold and to be done; of one that holds, to be done; and 0 when all is over, so that over
+        shaping: `none`. `phases`: beside it Phi(s') - Phi(s), Phi minus the share of the phases that are left. A term
+            that waits has two, to hold and to be done; one that holds has one. Phi is 0 when all is over, so that over
             an episode it sums up to the same for all policies.
-        counterfactuals: so many times a transition is also learned from other lengths that the runs could have, as far
-            as the present sample does not rule them out (CRM of the source), each as likely.
+        counterfactuals: the number of times that a transition is also learned from other lengths of the runs (CRM of
+            the source). They are those that the present sample does not rule out, each as likely.
 
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2.
@@ -52,7 +52,7 @@ class Machine(RewardMethod):
         self._lengths = np.array([term.length for term in terms])
         self.memory_size = len(terms)
         self.counterfactuals = counterfactuals
-        phases = int(np.minimum(self._lengths, 2).sum())
+        phases = int(np.minimum(self._lengths, 2).sum())  # a term of one sample never holds without being done
         self._weight = 1 / phases if shaping == "phases" else 0.0
         self.scale = 2.0 if shaping == "phases" else 1.0
 
@@ -72,7 +72,7 @@ class Machine(RewardMethod):
         return over
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
-        """Runs of other lengths; of a term for which the sample leaves none, its own."""
+        """Runs of other lengths; a term for which the sample leaves none keeps its own."""
         holds, at = truths(self._holds, signals[None])[:, 0].T, t[:, None]
         since, left = at - self._starts, self._ends - at
         within = (since >= 0) & (left >= 0)

@@ -1,5 +1,4 @@
-"""How far a formula, or one window of it, is after some samples, in a memory of few numbers: for methods that are
-paid for its value.
+"""The progress of a formula, or of one of its windows, in a memory of few numbers: for methods that pay its value.
 
 The memory has a summary of the steps that are decided: the running maximum or minimum. If phi looks ahead itself, it
 also has the last values of phi's leaves, as many samples as decide phi.
@@ -38,8 +37,8 @@ class Window:
 
     Args:
         outer: the window.
-        specification: of the task.
-        values: what the leaves of phi are worth, and how they are combined.
+        specification: the task's.
+        values: the values of phi's leaves, and the semantics that combines them.
     """
 
     def __init__(self, outer: Outer, specification: Specification, values: Values) -> None:
@@ -47,7 +46,7 @@ class Window:
         self.fold, self.first, self.last = outer.fold, outer.steps[0] + shift, outer.steps[1] + shift
         self.phi = stl.Quantity(phi, specification.signals, values.semantics, values.of)
         self.ahead = self.phi.horizon
-        self.bounds = np.array([values.range(leaf) for leaf in self.phi.leaves]).T  # of the leaves, (2, J)
+        self.bounds = np.array([values.range(leaf) for leaf in self.phi.leaves]).T  # ends of the J leaves, (2, J)
         always = np.repeat(self.bounds[:, None], self.ahead + 1, axis=1)
         self.phi_ends: tuple[float, float] = tuple(self.phi.values(always)[:, 0])
 
@@ -157,12 +156,12 @@ class Progress:
     """An and/or of windows F[a,b] phi, G[a,b] phi, each with its own part of the memory.
 
     In the fragment of eq. 2 the memory is one number for F psi and G psi, and for F[a,c1] G[c2,b] psi b - c2 + 2. Any
-    other formula has a memory too: the last samples of what looks ahead inside a window; all of them, where an until is
-    inside of no window.
+    other formula has a memory too: the last samples of the parts that look ahead inside a window. An until inside of no
+    window has all its samples.
 
     Args:
-        specification: of the task.
-        values: what leaves are worth, and how they are combined.
+        specification: the task's.
+        values: the values of leaves, and the semantics that combines them.
 
     Raises:
         Unsuitable: an operator looks back.
@@ -214,9 +213,9 @@ class Progress:
 
 
 def outer_windows(formula: stl.Formula, semantics: stl.Semantics) -> tuple[list[Outer], Join]:
-    """The outermost windows of a formula, in order of appearance, and how their values become its value.
+    """The outermost windows of a formula, in order of appearance, and the function from their values to its value.
 
-    A part that is no window is one of step 0 alone. Raises `Unsuitable` where an operator looks back.
+    A part that is no window is one of step 0 alone. Raises `Unsuitable` if an operator looks back.
     """
     refuse_past(formula)
     inside = stl.negations_inside(formula, to_predicates=semantics.divided)
@@ -226,7 +225,7 @@ def outer_windows(formula: stl.Formula, semantics: stl.Semantics) -> tuple[list[
 
 
 def _join(node: stl.Formula, semantics: stl.Semantics, found: list[Outer]) -> Join:
-    """How the values of windows become that of the node; its windows are appended to those found before."""
+    """The function from the values of windows to that of the node; its windows are appended to those found before."""
     if isinstance(node, stl.And | stl.Or) and stl.is_temporal(node):
         fold = semantics.least if isinstance(node, stl.And) else semantics.greatest
         parts = [_join(arg, semantics, found) for arg in node.args]
@@ -237,7 +236,7 @@ def _join(node: stl.Formula, semantics: stl.Semantics, found: list[Outer]) -> Jo
 
 
 def _folded(fold: stl.Fold, parts: Sequence[Known]) -> Known:
-    """The fold of the parts that count; it counts where one of them does."""
+    """The fold of the parts that count; it counts if one of them does."""
     if all(part.counts.all() for part in parts):
         return Known(fold.of([part.value for part in parts]), parts[0].counts)
     values, counts = (np.stack(each, axis=-1) for each in zip(*parts, strict=True))
@@ -257,7 +256,7 @@ def _outer(node: stl.Formula, semantics: stl.Semantics) -> Outer:
 
 
 class Followed(RewardMethod):
-    """Paid for the formula's value at the end; the memory is how far the formula is, and the policy sees all of it.
+    """Paid for the formula's value at the end; the memory is the formula's progress, and the policy sees all of it.
 
     Raises:
         Unsuitable: as `Progress` and `Margins`.

@@ -1,4 +1,4 @@
-"""sparse: whether the formula holds, paid once at the end; what every other method tries to improve on."""
+"""sparse: the formula's verdict, paid once at the end, which every other method tries to improve on."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Sparse(RewardMethod):
 
     The verdict is the Boolean one, which the referee uses too, and not the sign of the robustness.
 
-    The policy sees how far the formula is. In the fragment of eq. 2 that is one flag for F psi and for G psi, and for
-    F[a,c1] G[c2,b] psi a flag and a count of samples of psi in a row. Outside the fragment it is a running verdict for
-    each outer F and G, and the last truths of what looks ahead inside it.
+    The policy sees how far the formula is. In the fragment of eq. 2, F psi and G psi have one flag. F[a,c1] G[c2,b] psi
+    has a flag and a count of samples of psi in a row. Outside the fragment each outer F and G has a running verdict,
+    and the last truths of the parts that look ahead inside it.
 
     Args:
-        pays: `success`, as above; `failure`, -1 where the formula does not hold, else 0.
+        pays: `success`, as above; `failure`, -1 if the formula does not hold, else 0.
 
     Raises:
         Unsuitable: an operator looks back.
@@ -34,7 +34,7 @@ class Sparse(RewardMethod):
         self._offset = 0.0 if pays == "success" else -1.0
         self._known: AbsoluteFlags | Progress
         try:
-            self._known = AbsoluteFlags(specification, 1.0)
+            self._known = AbsoluteFlags(specification, 1.0)  # beta is of no account: its rewards are not used
         except Unsuitable:
             self._known = Progress(specification, Truths(specification, stl.semantics("classic")))
         self.memory_size = self._known.size

@@ -14,8 +14,8 @@ from stlbench_methods.flag import Flag
 class TauCmdp(Flag):
     """One flag per window, shown as f - 1/2; a transition is paid for the window before it.
 
-    The source preprocesses the last tau samples to flags: f of F[0,w] psi is 1 where psi holds and falls by 1/(w + 1)
-    where it does not, f of G[0,w] psi rises by 1/(w + 1) and falls to 0. These are the counters of `flag` over w + 1.
+    The source preprocesses the last tau samples to flags. The flag of F[0,w] psi is 1 when psi holds, and else falls by
+    1/(w + 1). That of G[0,w] psi rises by 1/(w + 1), and else falls to 0. These are the counters of `flag` over w + 1.
     The transition from s_t is paid for the window that ends with s_t: -exp(-beta sat) for an outer G, and exp(beta sat)
     times exp(-beta) for an outer F. So the window that ends with s_T is never paid for, and that of s_0 is.
 
@@ -25,7 +25,7 @@ class TauCmdp(Flag):
 
     Args:
         beta: 100 in the source.
-        window: of which a transition is paid. `before`: that which ends with s_t. `after`: with s_{t+1}, as of `flag`.
+        window: the window that a transition is paid for. `before`: it ends with s_t. `after`: with s_{t+1}, as `flag`.
 
     Raises:
         Unsuitable: as `flag`.

@@ -16,14 +16,14 @@ from stlbench_methods.formula_parts import EXTENSION, bounded_range, from_first_
 class TauMdp(RewardMethod):
     """The policy sees the last tau samples, tau = horizon(phi) + 1, and is paid for the robustness of phi on them.
 
-    The formula is read as Phi = F[0,Te] phi or G[0,Te] phi, from the task's nested form where it has one. A formula
+    The formula is read as Phi = F[0,Te] phi or G[0,Te] phi, from the task's nested form if it has one. A formula
     of another form, such as a conjunction of absolute intervals, is all phi, and tau is its whole horizon: that is
-    the intractability that Saxena et al. describe. If phi reads nothing before a later sample, as G[300,310] psi,
-    the history is of what it reads, 11 samples here, and earns 0 until it lies in steps 300 and later.
+    the intractability that Saxena et al. describe. Phi may read nothing before a later sample, as G[300,310] psi. The
+    history then has the samples that it reads, 11 here, and earns 0 until it lies in steps 300 and later.
 
     The reward of a history z, rho in units of rho_max, is -exp(-beta rho(z, phi)) for G and exp(beta rho(z, phi))
-    for F, the sum of which approximates beta times the minimum or maximum over time (log-sum-exp); in the
-    probability form the indicator of phi stands in place of rho.
+    for F. Its sum approximates beta times the minimum or maximum over time (log-sum-exp). In the probability form the
+    indicator of phi stands in place of rho.
 
     Args:
         form: `robustness` or `probability`.

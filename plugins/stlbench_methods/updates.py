@@ -41,7 +41,7 @@ def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -
         for sample in range(held):
             for row in range(rows):
                 if not terms.active[i, t[row] + sample]:
-                    if kind == FG:
+                    if kind == FG:  # a run counts within its interval alone
                         flags[row, at + 1] = 0
                     continue
                 holds = truths[i, sample, row]
@@ -62,7 +62,7 @@ def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -
 def run(
     truths: Truth, starts: Integers, ends: Integers, lengths: Integers, t: Integers, weight: float, runs: Array
 ) -> Array:
-    """Runs (N, m) go on by h samples, the first at steps t (N,), in place: what is paid at each, (h, N).
+    """Runs (N, m) go on by h samples, the first at steps t (N,), in place. The pay at each, (h, N).
 
     `truths` (m, h, N) says whether each psi holds; `weight` is that of a phase that is left, in the shaping.
     """
@@ -99,7 +99,7 @@ def _step(truths: Truth, starts: Integers, ends: Integers, lengths: Integers, at
 @cached
 @njit()
 def _left(lengths: Integers, runs: Array) -> tuple[int, bool]:
-    """How many phases are left, and whether all is over; where a term has failed there are some left."""
+    """The number of phases that are left, and whether all is over; a term that has failed has some left."""
     left, failed = 0, False
     for i in range(len(runs)):
         if runs[i] < lengths[i]:
