@@ -1,5 +1,5 @@
-"""A grid of states: its axes, its points, the places of other states between them, and what the actions of a plan do
-to all its states.
+"""A grid of states: its axes, its points, the places of other states between them, and the steps of a plan's actions
+from all its states.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class AxisRecipe(BaseModel):
     high: float
     points: Annotated[int, Field(ge=2)] | None = None
     periodic: bool = False
-    """Whether `high` is the same state as `low`, as of an angle; states then never leave the axis."""
+    """Whether `high` is the same state as `low`, as for an angle; states then never leave the axis."""
     near: tuple[float, ...] = ()
     """Values near which points are closer together, such as the borders of predicates."""
     width: Annotated[float, Field(gt=0)] = 0.1
@@ -105,8 +105,8 @@ def _gathered(recipe: AxisRecipe, points: int) -> Array:
 def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> tuple[Axis, ...]:
     """One axis per column of the state, with `resolution` times its recipe's points.
 
-    A column without a recipe has the range of the signal of that name. Raises `Unsuitable` where there is no such
-    range, where a recipe names no column, or where the grid has more than four axes or an axis millions of points.
+    A column without a recipe has the range of the signal of that name. Raises `Unsuitable` if there is no such range,
+    or if a recipe names no column. So it does for more than four axes, or an axis of more than ten million points.
     """
     names = model.system.state
     if len(names) > max(_POINTS):
@@ -216,6 +216,7 @@ class ActionSet:
             vectors = actions.vectors[indices]
             order = _by_size(vectors, actions)
             return cls(vectors[order], indices[order])
+        # An odd number of values has the middle of each axis among them, which is 0 in most tasks.
         axes = [np.linspace(low, high, each | 1) for low, high in zip(actions.low, actions.high, strict=True)]
         vectors = np.stack([column.ravel() for column in np.meshgrid(*axes, indexing="ij")], axis=1)
         vectors = vectors[_by_size(vectors, actions)]
@@ -257,11 +258,13 @@ def sweep(model: Model, grid: Grid, actions: ActionSet, observers: Sequence[Obse
 
 
 _GIGABYTES = 4.0
+"""The most memory of a plan, so that a grid that is too fine is refused at once and fills no machine."""
 
 
 def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, most: int) -> tuple[Grid, ActionSet]:
     grid, actions = Grid(axes_of(model, recipes, resolution)), ActionSet.of(model.actions, most)
     each = len(actions) * grid.size
+    # Four bytes each: places and weights of the next states, and those of the samples on the grid of signals.
     dimensions = 4 * (1 + len(grid.axes)), 4 * (1 + len(model.method.specification.signals))
     needed = (each * (dimensions[0] + model.hold * dimensions[1] + 4) + 4 * grid.size * model.decisions) / 1e9
     refuse_beyond(needed, f"a grid of {grid} points with {len(actions)} actions of {model.hold} samples")

@@ -87,8 +87,8 @@ def pay_best(
     """One step back: the greatest reward (A, M, S) plus gamma times the value later (M, S), into (M, S).
 
     Places of the next states are (A, S), their weights (A, S, axes). `memory` (A, M, S) numbers the next memories, or
-    is empty where there is one. `ended` (A, S) has the whole return of decisions that end an episode and NaN for
-    others, or is empty where none does. A state outside the grid is worth `lost`, unless the episode ended.
+    is empty if there is one. `ended` (A, S) has the whole return of decisions that end an episode and NaN for others,
+    or is empty if none does. A state outside the grid is worth `lost`, unless the episode ended.
     """
     into[:] = -np.inf
     for a in range(at.shape[0]):

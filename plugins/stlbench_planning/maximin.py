@@ -28,7 +28,7 @@ class Margin(NamedTuple):
     """The contribution of one term at a decision: the least or the greatest margin of some of its samples."""
 
     term: int
-    active: bytes  # which of the H samples, as bytes of Booleans
+    active: bytes  # which of the H samples, as bytes of Booleans: margins are keys of a cache
     least: bool
 
     def extreme(self, margins: Array) -> Array:
@@ -114,7 +114,8 @@ class Stages:
         return -(-(term.b - term.c2 + 1) // self.hold)
 
 
-_TIES = 1e-6  # of two actions whose robustness differs by less, in units of the widest margin, the smaller one is taken
+_TIES = 1e-6
+"""Robustness that differs by less, in units of the widest margin, is equal: rounding would else choose the action."""
 _CACHED = 8  # tables of extremes in memory at a time
 
 
@@ -127,7 +128,7 @@ class MaximinPolicy(StatePolicy):
     actions: ActionSet
     stages: Stages
     later: Floats
-    """(decisions + 1, stages, S): the best robustness from each decision on; at the end what is over has `most`."""
+    """(decisions + 1, stages, S): the best robustness from each decision on; the end has `most` if all is over."""
     most: float  # more than any margin; a state from which the formula cannot be satisfied is worth -most
 
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
@@ -176,7 +177,7 @@ class MaximinPolicy(StatePolicy):
                 value = self.grid.read(self.later[decision + 1, move.then], path[-1, mine], -self.most)
                 for part in move.parts:
                     value = np.minimum(value, part.extreme(margins[part.term][mine]))
-                better = value > worth[mine] + self._tie
+                better = value > worth[mine] + self._tie  # equals go to the first move, which is nearest to the end
                 places = np.flatnonzero(mine)[better]
                 worth[places], then[places] = value[better], move.then
         by_action = worth.reshape(count, rows)
@@ -191,9 +192,9 @@ class MaximinPolicy(StatePolicy):
 def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
     """Solve for the robustness of the formula that the referee scores.
 
-    The windows of an F G term begin with a decision's first sample. Where others could be better, the value is a lower
-    bound. Raises `Unsuitable` where the formula is outside the fragment of eq. 2, an F G term has no such window, or
-    the tables take too much memory.
+    The windows of an F G term begin with a decision's first sample. The value is a lower bound if others could be
+    better. Raises `Unsuitable` if the formula is outside the fragment of eq. 2, an F G term has no such window, or the
+    tables take too much memory.
     """
     stages = Stages(_terms(model), model.hold)
     if idle := stages.without_window():

@@ -33,7 +33,7 @@ class _GridPlanner(Agent):
     """about how many actions are planned with, evenly chosen among the task's"""
 
     def train(self, training: Training) -> StatePolicy:
-        """Solve; no environment is stepped. Raises `Unsuitable` where the task or the method does not fit a grid."""
+        """Solve; no environment is stepped. Raises `Unsuitable` if the task or the method does not fit a grid."""
         if training.model is None:
             raise TypeError("a planner is given a model")
         policy = self._solve(training.model, *self._prepared(training.model))

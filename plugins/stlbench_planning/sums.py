@@ -16,7 +16,7 @@ from stlbench_planning.loops import mean_rewards, pay_best
 @dataclass(frozen=True)
 class Limits:
     values: int = 64  # the most that are enumerated
-    rounded: int = 0  # to how many a memory of one number is rounded that takes more; 0: such a memory is refused
+    rounded: int = 0  # a memory of one number that takes more is rounded to this many values; 0: it is refused
 
     def rounds(self, distinct: Array) -> bool:
         """Whether these values (M, m) of a memory must be rounded. Raises `Unsuitable` if they cannot."""
@@ -35,7 +35,7 @@ USUAL = Limits()
 
 @dataclass(frozen=True)
 class Memories:
-    """Each value that a memory takes, a row; of a method without memory there is one, which is empty."""
+    """Each value that a memory takes, a row; a method without memory has one, which is empty."""
 
     values: Array  # (M, m)
 
@@ -192,10 +192,13 @@ class Transitions:
         return paid, then
 
 
-LOST = -1e4  # the value of a state outside the grid, in units of the method's scale
-_TIES = 1e-6  # of two actions whose returns differ by less, relative to their size, the smaller one is taken
+LOST = -1e4
+"""The value of a state outside the grid, in units of the method's scale. It is no infinity, as interpolation next to
+such a state would make NaN of 0 times that."""
+_TIES = 1e-6
+"""Returns that differ by less, relative to their size, are equal: rounding would else choose the action."""
 _SETTLED, _ROUNDS = 1e-5, 2000
-"""The value of such a decision is known at this change in a round, or after so many rounds."""
+"""The value of a decision that repeats for ever is known at this change in a round, or after this many rounds."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +209,7 @@ class SumPolicy(StatePolicy):
     grid: Grid
     actions: ActionSet
     memories: Memories
-    later: Floats  # (decisions, M, S): what states are worth after each decision, over the method's scale, less `shift`
+    later: Floats  # (decisions, M, S): values of states after each decision, over the method's scale, less `shift`
     shift: Array  # (decisions,)
     gamma: float
 
@@ -240,11 +243,11 @@ class SumPolicy(StatePolicy):
         for m in np.unique(numbers):
             here = numbers == m
             later[here] = self.grid.read(self.later[decision, m], path[-1, here], LOST)
-        if model.method.can_end:
+        if model.method.can_end:  # nothing more is paid: the value 0, less the shift
             later[model.method.over(after)] = -self.shift[decision]
         returns = rewards.mean(axis=0) / model.method.scale + self.gamma * later
         returns[later == LOST] = LOST
-        for end in reversed(model.ends):
+        for end in reversed(model.ends):  # the first of two ends at one decision counts, so it writes last
             active = end.active[decision * model.hold + 1 : (decision + 1) * model.hold + 1]
             over = (end.over(samples[1:]) & active[:, None]).any(axis=0)
             paid = worth(model, end, self.gamma, model.decisions - decision)
@@ -257,7 +260,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Lim
     """Solve for the method's rewards by the rules of the task's training episodes.
 
     At a cut the return goes on as if the last decision repeated for ever; without a discount it stops. Nothing is paid
-    after a memory that is over. Raises `Unsuitable` where the method's memory takes too many values.
+    after a memory that is over. Raises `Unsuitable` if the method's memory takes too many values.
     """
     tabled = model.method.paid_on_arrival and len(model.method.specification.signals) <= MOST_SIGNALS
     rewards = Arrivals(model, grid, actions) if tabled else Transitions(model, grid, actions, limits)
@@ -285,7 +288,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Lim
 
 
 def _over(model: Model, memories: Memories) -> Integers:
-    """The numbers of the memories after which nothing is paid: worth 0 wherever the state goes."""
+    """The numbers of the memories after which nothing is paid: their value is 0 wherever the state goes."""
     return np.flatnonzero(model.method.over(memories.values)) if model.method.can_end else np.empty(0, np.int64)
 
 
@@ -299,7 +302,7 @@ class _Step:
     gamma: float
 
     def back(self, later: Floats, shift: float, into: Floats) -> None:
-        """From values later (M, S), less `shift`, to those before the decision, less gamma times `shift`."""
+        """Values before the decision, less gamma times `shift`, from those later (M, S), less `shift`."""
         ended = self.ended - np.float32(self.gamma * shift) if self.ended.size else self.ended
         pay_best(later, *self.next, self.grid.strides, self.paid, self.memory, ended, self.gamma, LOST, into)
 
@@ -337,7 +340,7 @@ def forever(reward: float, gamma: float, decisions: int) -> float:
 
 
 class EndReturns:
-    """Where the task's training episodes end early."""
+    """The returns of decisions at which the task's training episodes end early."""
 
     def __init__(self, model: Model, grid: Grid, actions: ActionSet, gamma: float) -> None:
         self._model, self._gamma = model, gamma
@@ -350,7 +353,7 @@ class EndReturns:
             self._over[i, action] = end.over(samples[1:]).T
 
     def at(self, decision: int) -> Floats:
-        """The whole return (A, S) of decisions that end the episode, NaN for others; empty where none does."""
+        """The whole return (A, S) of decisions that end the episode, NaN for others; empty if none does."""
         hold = self._model.hold
         left = self._model.decisions - decision
         active = [end.active[decision * hold + 1 : (decision + 1) * hold + 1] for end in self._model.ends]
