@@ -36,10 +36,10 @@ class Run(NamedTuple):
     name: str  # unique
     memory: int | None  # bytes for an item; None for a share of nine tenths of what the worker may take
     prepare: bytes  # pickled (`Work.prepare`)
-    versions: Mapping[str, str]  # of the machine that sends the items
+    versions: Mapping[str, str]  # those on the machine that sends the items
 
 
-_POOLS = dict[tuple[str, str], WorkerPool]()  # by run and address of the worker, of which a process may be several
+_POOLS = dict[tuple[str, str], WorkerPool]()  # (run, address of a worker); a process may be several workers
 
 
 def join(run: Run, dask_worker: Worker) -> str:
@@ -55,7 +55,7 @@ def join(run: Run, dask_worker: Worker) -> str:
 
 
 def run_item(run: str, task: Task, key: str) -> Ended | None:
-    """How an item ended; None if this worker has not joined the run of that name, as after a restart.
+    """The end of an item; None if this worker has not joined the run of that name, as after a restart.
 
     Dask forgets the `key` of this call when nobody wants the item any more.
     """
@@ -104,8 +104,8 @@ class DaskRun:
 
         self._items = items
         self._waiting, self._left = deque(range(len(items))), set(range(len(items)))
-        self._offers = [0] * len(items)  # how often each was sent
-        self._over = deque[Outcome]()  # which nobody has taken yet
+        self._offers = [0] * len(items)  # the times that each was sent
+        self._over = deque[Outcome]()  # those that nobody has taken yet
         self._client, self._run, self._most, self._address = client, run, most, address
         self._sent = dict[str, _SentItem]()
         self._free, self._refused = dict[str, int](), set[str]()
@@ -126,7 +126,7 @@ class DaskRun:
         self._send()
         for future, result in self._completed.next_batch(block=False):
             self._take(future, result)
-        self._send()  # what the caller does with outcomes may take a while
+        self._send()  # before the caller gets outcomes, as it may take a while with them
 
     def _wait(self) -> None:
         if not self._completed.has_ready():
@@ -224,7 +224,7 @@ class DaskRun:
             self._end(sent.item, Ended("killed", reason=f"its worker could not run it: {cause(result[1])}"))
         else:
             self._present()  # or the scheduler is gone, and no worker to blame
-            self._free.pop(sent.worker, None)  # where it is there, it joins again
+            self._free.pop(sent.worker, None)  # if it is there, it joins again
             self._lose(sent.item)
 
     def _forget(self, sent: _SentItem) -> None:
@@ -262,10 +262,10 @@ class DaskExecutor(Executor):
     results has to be on a disk that all share.
 
     Args:
-        jobs: items at a time; where it is None, as many as the workers have threads.
-        memory: bytes for one item; where it is None, its share of nine tenths of what its worker may take.
-        address: of the scheduler, as in tcp://node1:8786. Without one, a scheduler and a worker are made for the run in
-            this process.
+        jobs: items at a time; None for as many as the workers have threads.
+        memory: bytes for one item; None for its share of nine tenths of what its worker may take.
+        address: the scheduler's, as in tcp://node1:8786. If it is None, a scheduler and a worker are made for the run
+            in this process.
     """
 
     def __init__(

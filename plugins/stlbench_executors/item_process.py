@@ -25,8 +25,8 @@ from pydantic import BeforeValidator, Field
 
 from stlbench.contract import cause
 
-_GROUPS = Path("/sys/fs/cgroup")  # where Linux says what a container, or a job of a cluster, may take
-_SHARE = 0.9  # of the machine's memory, for all cells together by default
+_GROUPS = Path("/sys/fs/cgroup")  # the limits of a container, or of a job of a cluster, on Linux
+_SHARE = 0.9  # share of the machine's memory for all cells together, by default
 
 _AMOUNT = re.compile(r"([0-9]+(?:\.[0-9]+)?) *([KMGT])(?:i?B)?", re.IGNORECASE)
 
@@ -50,7 +50,7 @@ def share(jobs: int) -> int:
 
 
 def allowed(root: Path, own: str) -> list[int]:
-    """The limits in bytes of control groups below `root`: of those in `own`, as in /proc/self/cgroup, and above."""
+    """The limits in bytes of the control groups in `own`, a text as /proc/self/cgroup, and of those above them."""
     limits = list[int]()
     for line in own.splitlines():
         _, kinds, path = line.split(":", 2)
@@ -73,7 +73,7 @@ def text_of(size: int) -> str:
     return f"{size / 2**30:.1f} GiB" if size >= 2**30 else f"{size / 2**20:.0f} MiB"
 
 
-_PARENT_DEATH_SIGNAL, _CHILD_SUBREAPER = 1, 36  # from <linux/prctl.h>
+_PARENT_DEATH_SIGNAL, _CHILD_SUBREAPER = 1, 36  # as <linux/prctl.h> numbers them
 
 _PATIENCE = 10.0
 """Seconds for which processes are killed again and again, since new ones may start, and the kernel may hold some."""
@@ -117,7 +117,7 @@ def _proportional(process: psutil.Process) -> int:
 
 
 def end_below(group: int) -> None:
-    """Kill all processes below this one, and wait until they have ended; where `adopt` does nothing, also the group."""
+    """Kill all processes below this one, and wait for their end; also the group, on systems without `adopt`."""
     if sys.platform != "linux":
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(group, signal.SIGKILL)
@@ -150,7 +150,7 @@ def _reap() -> bool:
 
 class Answer(NamedTuple):
     value: bytes  # pickled: what it returned
-    reason: str = ""  # the exception in one line, where it raised one
+    reason: str = ""  # the exception in one line, if it raised one
     details: str = ""
 
 
@@ -181,7 +181,7 @@ def _redirect(output: int | None) -> None:
         for descriptor in (1, 2):
             os.dup2(output, descriptor)
         sys.stdout, sys.stderr = _written_to(1), _written_to(2)
-        faulthandler.enable(sys.stderr)  # where a crash happened
+        faulthandler.enable(sys.stderr)  # a crash of compiled code then says its place
 
 
 def _written_to(descriptor: int) -> TextIO:
@@ -216,7 +216,7 @@ def _flush() -> None:
         with suppress(Exception):
             stream.flush()
     with suppress(Exception):
-        ctypes.CDLL(None).fflush(None)  # what compiled code has printed
+        ctypes.CDLL(None).fflush(None)  # texts that compiled code has printed
 
 
 def _write(descriptor: int, data: bytes) -> None:

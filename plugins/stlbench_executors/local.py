@@ -21,16 +21,16 @@ from stlbench_executors.worker import WorkItems, outcome_of
 class LocalExecutor(Executor):
     """Processes on this machine, each with one thread for linear algebra.
 
-    Each item has a process of its own, which ends with the item, and with it all that the item has started. What an
-    item changes, in modules, settings or files that are open, no other item sees. A deadline counts from when the
-    item's process is there, with what the harness needs imported.
+    Each item has a process of its own, which ends with the item, and with it all that the item has started. No item
+    sees the changes that another one makes in modules, settings or open files. A deadline counts from when the item's
+    process is there, with what the harness needs imported.
 
     Args:
-        jobs: items at a time; two where it is None, or one on a single core.
-        memory: bytes for one item; where it is None, its share of nine tenths of the machine's.
+        jobs: items at a time; None for two, or one on a single core.
+        memory: bytes for one item; None for its share of nine tenths of the machine's.
 
     Attributes:
-        memory: bytes that the processes of one item may take together; it is killed where they take more.
+        memory: bytes that the processes of one item may take together; it is killed if they take more.
     """
 
     def __init__(self, *, jobs: Annotated[int, Field(ge=1)] | None = None, memory: Memory | None = None) -> None:

@@ -115,7 +115,7 @@ def _blocked_interrupts() -> Iterator[None]:
 
 START_SECONDS = 120.0  # a server whose supervisors have not reported by then is replaced
 CHECK_SECONDS = 2.0  # between two checks whether a slot is stuck, at most
-STARTS = 3  # how many servers are started in place of one that ends or hangs before its supervisors are there
+STARTS = 3  # servers that are started in place of one that ends or hangs before its supervisors are there
 
 UNTAKEN = f"{STARTS} worker processes, one after the other, ended or hung before they took it"
 """The reason for an item for which no slot has a supervisor any more."""
@@ -139,7 +139,7 @@ class Slot:
         return self.link is not None and self._supervisor > 0 and self._task is None
 
     def begin(self) -> tuple[Connection, bytes]:
-        """Make a link for a new supervisor: its far end, and what to prepare; nothing if that has ended a server."""
+        """Make a link for a new supervisor: its far end, and the work to prepare; none if that has ended a server."""
         self.link, far = Pipe()
         self._supervisor, self._since = 0, time.monotonic()
         self._starts += 1
@@ -157,7 +157,7 @@ class Slot:
         return True
 
     def receive(self) -> Ended | None:
-        """Read the supervisor's message: None for its process number, else how its item ended."""
+        """Read the supervisor's message: None for its process number, else the end of its item."""
         assert self.link is not None
         try:
             message = self.link.recv()
@@ -181,7 +181,7 @@ class Slot:
         return math.inf if self._supervisor else START_SECONDS
 
     def _lost(self) -> Ended | None:
-        """The supervisor has ended: how its item ended. Another one is started, up to `STARTS` times."""
+        """The end of the item of a supervisor that has ended. Another one is started, up to `STARTS` times."""
         task, late = self._task, time.monotonic() - self._since > self._patience
         self.close()
         if self._starts < STARTS:
@@ -247,7 +247,7 @@ class Pool:
             slot.wait(end)
         for server in self._servers:
             server.join(max(1.0, end - time.monotonic()))
-            server.kill()  # where it is still there
+            server.kill()  # if it is still there
             server.join()
 
 
@@ -256,7 +256,7 @@ _POOLS, _OWNER, _STARTING = weakref.WeakSet[Pool](), os.getpid(), threading.Lock
 
 @atexit.register
 def _stop_all() -> None:
-    """Where the caller has not closed the iterator, multiprocessing would wait for servers for ever."""
+    """Stop servers, for which multiprocessing would wait for ever if the caller has not closed the iterator."""
     if os.getpid() == _OWNER:  # a child that the caller has forked has nothing to stop
         for pool in _POOLS:
             pool.stop()

@@ -24,7 +24,7 @@ from stlbench_executors import item_process
 from stlbench_executors.item_process import adopt, end_below, memory_below, text_of
 
 CHECK_SECONDS = 0.1  # between two measurements of memory, at least
-CHECK_SHARE = 0.02  # the share of a core that these measurements may take
+CHECK_SHARE = 0.02  # the most of a core that these measurements take: a long tree of processes is measured less often
 
 
 class Task(NamedTuple):
@@ -36,9 +36,9 @@ class Task(NamedTuple):
 
 class Ended(NamedTuple):
     status: Literal["answered", "timeout", "killed"]
-    answer: bytes = b""  # pickled: a `item_process.Answer`, where it answered
+    answer: bytes = b""  # pickled: a `item_process.Answer`, if it answered
     reason: str = ""
-    facts: Mapping[str, str] | None = None  # where it ran; None if that is not known
+    facts: Mapping[str, str] | None = None  # the machine on which it ran; None if that is not known
 
 
 class _Closed(Exception):
@@ -166,7 +166,7 @@ PART = 64 * 1024  # bytes of the beginning that a log contains, and as many of t
 
 
 class Log:
-    """A pipe whose content goes to a file. It removes an older file, and makes none where nothing is written."""
+    """A pipe whose content goes to a file. It removes an older file, and makes none if nothing is written."""
 
     def __init__(self, path: Path) -> None:
         self.reading, self.writing = os.pipe()
@@ -178,7 +178,7 @@ class Log:
 
     def take(self) -> bool:
         """Read what is there; False once the pipe is closed."""
-        for _ in range(64):  # not for ever, where a cell writes faster
+        for _ in range(64):  # not for ever, if a cell writes faster
             try:
                 data = os.read(self.reading, PART)
             except BlockingIOError:

@@ -71,7 +71,7 @@ class WorkerPool(Pool):
 
 
 class WorkItems:
-    """The arguments of `Executor.run`. Raises `ValueError` where an item has no deadline."""
+    """The arguments of `Executor.run`. Raises `ValueError` if an item has no deadline."""
 
     def __init__(self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]) -> None:
         if len(deadlines) != len(items) or any(deadline <= 0 for deadline in deadlines):
