@@ -14,7 +14,7 @@ from typing import Any
 from stlbench.contract import GymTask
 
 _LEGS = (pi / 4, 3 * pi / 4, -3 * pi / 4, -pi / 4)
-"""Where the legs 1 to 4 point, from the torso's x axis."""
+"""The directions of the legs 1 to 4, from the torso's x axis."""
 _BENT = (1, -1, -1, 1)
 """The sign by which a leg's ankle bends down."""
 _ACTED = (3, 0, 1, 2)
@@ -26,15 +26,15 @@ _STIFF, _DAMPED = 0.68, 0.036
 _NEAR = 0.3
 """Metres to the place from which strides become shorter."""
 _JOINTS, _SPEEDS = 7, 21
-"""Where the joints' angles and their speeds begin in an observation that begins with x and y."""
+"""The places of the joints' angles and of their speeds in an observation that begins with x and y."""
 
 
 class AntWalk(GymTask):
-    """An ant that trots to where `place` says; a gait that a search over its six numbers found in 20 CPU seconds."""
+    """An ant that trots to its `place`; a search over the gait's six numbers found it in 20 CPU seconds."""
 
     @abstractmethod
     def place(self, x: float, y: float, t: int) -> tuple[float, float]:
-        """Where to go at step t from x, y."""
+        """The place to go to at step t from x, y."""
 
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float]:
         """Torques (8,) in [-1, 1]."""

@@ -1,7 +1,7 @@
 """Tasks on MuJoCo models: N copies stepped one by one in one model, each from its own row of numbers.
 
 The rows hold all that a step depends on, so the memory that MuJoCo computes in is scratch. `mj_step` is called without
-the environments around it, of which the steps are the same bit for bit.
+the environments around it, whose steps are the same bit for bit.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ if sys.version_info >= (3, 13):
 
 
 def columns(joints: Sequence[str], *derived: str) -> tuple[str, ...]:
-    """Names of a state's columns: of each joint the position, the velocity, the warm start; then the derived ones."""
+    """Names of a state's columns: each joint's position, velocity and warm start; then the derived ones."""
     return tuple(f"{kind}{joint}" for kind in ("", "d_", "warm_") for joint in joints) + derived
 
 
 class MujocoSystem(System):
     """A model whose joints all have one degree of freedom, moved in substeps of the model's own time step.
 
-    State: positions and velocities of the joints, in m or rad and seconds, and the accelerations that MuJoCo's solver
-    starts its search from (without them a step would not be repeated to the last bit); after these, what `derived`
-    reads from the model, for signals and features.
+    State: positions and velocities of the joints, in m or rad and seconds, and the accelerations from which MuJoCo's
+    solver starts its search. Without them a step would not be repeated to the last bit. Then come the numbers that
+    `derived` reads from the model, for signals and features.
     """
 
     model_file: ClassVar[tuple[str, str]]
@@ -88,7 +88,7 @@ class MujocoSystem(System):
     def frame(self, state: Array) -> Pixels:
         """The model as the first camera that stands still in it sees it, or from where MuJoCo looks by default.
 
-        State (n,) -> (360, 480, 3), by EGL, which needs no display. Raises `RuntimeError` where there is no EGL.
+        State (n,) -> (360, 480, 3), by EGL, which needs no display. Raises `RuntimeError` if there is no EGL.
         """
         if self._view is None:
             self._view = _View(self.mujoco, self.model)
@@ -101,7 +101,7 @@ class MujocoSystem(System):
         self.data.ctrl[:] = control
 
     def arrive(self) -> None:
-        """Called when `data` has been stepped: by default, find where the bodies are now."""
+        """Called when `data` has been stepped: by default, compute the places of the bodies."""
         self.mujoco.mj_kinematics(self.model, self.data)
 
     def derived(self) -> Array:
@@ -120,7 +120,7 @@ class _View:
             self.context = GLContext(_WIDTH, _HEIGHT)
             self.context.make_current()
             self.drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        except Exception as error:  # of the driver, and of the library above it, there are many kinds
+        except Exception as error:  # a driver and the library above it raise many kinds of errors
             reason = " ".join(str(error).split()) or type(error).__name__
             raise RuntimeError(f"MuJoCo draws by EGL, which does not work here: {reason}") from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.drawing)
@@ -140,7 +140,7 @@ class _View:
         self.context.make_current()
         mujoco.mjr_render(size, self.scene, self.drawing)
         mujoco.mjr_readPixels(upwards, None, size, self.drawing)
-        return np.ascontiguousarray(upwards[::-1])
+        return np.ascontiguousarray(upwards[::-1])  # OpenGL's first row is the lowest one
 
 
 def _mujoco() -> Any:

@@ -1,5 +1,5 @@
-"""A unicycle in two regions' neighbourhood whose velocities are disturbed (Ikemoto, Ushio 2022), its random numbers,
-and features that a person made for policies on its tasks.
+"""A unicycle near two regions, whose velocities are disturbed (Ikemoto, Ushio 2022). Also its random numbers, and
+features that a person made for policies on its tasks.
 
 The bits of the seed are mixed once, the count is added in multiples of an odd constant, and the sum is mixed again: the
 generator SplitMix64 (Steele, Lea, Flood, OOPSLA 2014), entered at any place of its sequence. Box and Muller make pairs
@@ -35,7 +35,7 @@ def normal(seed: Array, count: Array, columns: int) -> Array:
 
 
 def _mixed(bits: _Bits) -> _Bits:
-    """Each number's bits, every one of which depends on every one before."""
+    """Each number's bits mixed: every new bit depends on every old one."""
     for shift, factor in _MIXING:
         bits = (bits ^ (bits >> np.uint64(shift))) * factor
     return bits ^ (bits >> np.uint64(31))

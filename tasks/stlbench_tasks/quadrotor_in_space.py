@@ -17,9 +17,9 @@ _ACTIONS = np.array([[0.0, -0.05, -0.05, -0.02], [9.18, 0.05, 0.05, 0.02]])
 _LEAST_COSINE = 0.05
 """The least cosine of the pitch by which turns are divided: the angles are singular where the robot stands on edge."""
 _PULL, _BRAKE, _LEAN = 2.5, 2.6, 2.0
-"""By hand: acceleration a metre off and a m/s, and the most of it along x or y, in m/s^2."""
+"""The controller's acceleration a metre off and against a m/s, and the most of it along each axis, in m/s^2."""
 _TURN, _CALM = 120.0, 18.0
-"""By hand: turning a rad off and a rad/s, in rad/s^2."""
+"""The controller's turning a rad off and against a rad/s, in rad/s^2."""
 
 
 class QuadrotorInSpace(System):
@@ -27,9 +27,9 @@ class QuadrotorInSpace(System):
 
     State: place in m, velocity in m/s; roll, pitch and yaw in rad, of the rotation Rz(yaw) Ry(pitch) Rx(roll) from body
     to room; rates p, q, r in rad/s about the body's axes. Actions: thrust in N, torques in N m about the body's axes.
-    In a step the acceleration of the place is that of its start, the rates change by their acceleration at the start,
-    and the angles by the mean of the old and the new rates. Signals: x, y, z and the tilt, the angle in rad between the
-    body's z axis and the vertical.
+    The accelerations of the place and of the rates are those at the start of a step. The angles change by the mean of
+    the old and the new rates. Signals: x, y, z and the tilt, the angle in rad between the body's z axis and the
+    vertical.
     """
 
     state = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
@@ -81,7 +81,7 @@ def _upwards(angles: Array) -> Array:
 
 
 def _turning(angles: Array, rates: Array) -> Array:
-    """How fast roll, pitch and yaw change at rates about the body's axes: (N, 3), (N, 3) -> (N, 3)."""
+    """The speeds of roll, pitch and yaw at rates about the body's axes: (N, 3), (N, 3) -> (N, 3)."""
     (roll, pitch, _), (p, q, r) = angles.T, rates.T
     cosine = np.cos(pitch)
     cosine = np.where(cosine < 0, -1.0, 1.0) * np.maximum(np.abs(cosine), _LEAST_COSINE)

@@ -22,7 +22,7 @@ _SWINGS = (
 )
 """For each joint from the back thigh to the front foot: its middle, its swing to each side and its phase, in rad."""
 _JOINTS = 2
-"""Where the joints' angles begin in the observation."""
+"""The place of the first joint's angle in the observation."""
 
 
 class CheetahBand(GymTask):

@@ -14,7 +14,7 @@ class Dwell(NoisyUnicycle):
     """Noisy unicycle that stays in A or in B for 5 s, F[0,450] of G[0,49] A or G[0,49] B."""
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """To the centre of the nearer region, and back whenever the noise leads away from it: (N, 2)."""
+        """Actions that drive to the centre of the nearer region, and back when the noise leads away: (N, 2)."""
         (x, a), (_, b) = REGIONS
         return drive(state, x, np.where(state[:, 1] > (a + b) / 2, a, b))
 

@@ -39,12 +39,12 @@ class Formation(System):
         return (state - 2.5) / 3.5
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """Every robot straight to its present stop, the others in reach of the one whose goal counts: (N, 6)."""
+        """Velocities of every robot straight to its present stop, which is within reach of the others': (N, 6)."""
         return np.where(t[:, None] < _LEAVE, 0.0, nearest((_STOPS[phase_at(t)] - state) / _HELD, 1.0, 0.5))
 
 
 def phase_at(t: Integers) -> Integers:
-    """0, 1 or 2: whose goal counts."""
+    """The robot whose goal counts: 0, 1 or 2."""
     return np.searchsorted(_DEADLINES, t, side="right")
 
 
@@ -67,9 +67,9 @@ class FormationByHand(Formation):
     def features(self, state: Array, t: Integers) -> Array:
         """Goals, distances and whose goal counts: (N, 27).
 
-        Each robot's goal x and y from there, over 5 m and, to resolve the last metre, as tanh over 0.5 m; of each
-        pair of robots the second's x and y from the first as tanh over 2 m, and how far their distance is above the
-        least and below the greatest, as tanh over 0.5 m; 1 for the goal that counts at t, -1 for the others.
+        Each robot's goal x and y from there, over 5 m and, to resolve the last metre, as tanh over 0.5 m. For each pair
+        of robots the second's x and y from the first as tanh over 2 m. Then the pair's distance above the least and
+        below the greatest, as tanh over 0.5 m; 1 for the goal that counts at t, -1 for the others.
         """
         goal, places = _GOALS - state, state.reshape(-1, 3, 2)
         apart = np.stack([places[:, j] - places[:, i] for i, j in _PAIRS], axis=1)

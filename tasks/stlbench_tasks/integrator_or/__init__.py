@@ -28,7 +28,7 @@ class IntegratorOr(System):
         return (state - 25) / 25
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """To the nearer one of the two points, within a held action's 0.1 s where it can: (N, 1)."""
+        """Velocities to the nearer one of the two points, within a held action's 0.1 s if possible: (N, 1)."""
         return nearest((np.where(state < 25, 5.0, 45.0) - state) / 0.1, 3.0, 0.5)
 
 

@@ -50,9 +50,9 @@ class OverlapByHand(Overlap):
         """Pose, goal and obstacles: (N, 15).
 
         x and y over 2 m from the room's middle, the heading's cosine and sine; 1 for the second goal, else -1; the
-        goal's distance over 2 m and as tanh over 0.3 m, its bearing's cosine and sine, which fade out there; the
-        clearance over 0.5 m and as tanh over 0.2 m, and the tanh over 0.25 m of that 0.3 m ahead, to the left, behind
-        and to the right.
+        goal's distance over 2 m and as tanh over 0.3 m, its bearing's cosine and sine, which fade out there. Then the
+        clearance over 0.5 m and as tanh over 0.2 m. Last the clearance 0.3 m ahead, to the left, behind and to the
+        right, as tanh over 0.25 m.
         """
         x, y, heading = state.T
         second = t * self.dt >= SWITCH

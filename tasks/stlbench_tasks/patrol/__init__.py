@@ -17,7 +17,7 @@ class Patrol(NoisyUnicycle):
     """Noisy unicycle that is in A and in B again and again, G[0,900] of F[0,99] A and F[0,99] B."""
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """To the centre of B for 60 steps, then to that of A and that of B for 30 steps each in turn: (N, 2)."""
+        """Actions that drive to the centre of B for 60 steps, then to A and to B for 30 steps each in turn: (N, 2)."""
         to_a = (t >= _FIRST) & ((t - _FIRST) // _LEG % 2 == 0)
         return drive(state, REGIONS[0][0], np.where(to_a, REGIONS[0][1], REGIONS[1][1]))
 

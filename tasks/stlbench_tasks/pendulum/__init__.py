@@ -51,7 +51,7 @@ class Pendulum(System):
 
 
 def phase_at(t: Integers) -> Integers:
-    """Which target counts from step t on: 0, 1, 2."""
+    """The target that counts from step t on: 0, 1, 2."""
     return np.searchsorted(BEGINS, t, side="right") - 1
 
 
@@ -78,8 +78,8 @@ class PendulumByHand(Pendulum):
         """Error and speed at three scales, which target it is, and how far its deadline: (N, 8).
 
         The error is theta less the present target, at most 9 in size; the target is -1, 0 or 1 for the first to the
-        third. The deadline is the logarithm of a width that falls from pi at the start of a phase through 0.05 where
-        the interval begins to 0.03, as the paper's funnels do, over 2 and shifted by 1.
+        third. The deadline is half of the logarithm of a width, plus 1. The width falls from pi at the start of a phase
+        towards 0.03, as the paper's funnels do, and is 0.05 when the interval begins.
         """
         phase = phase_at(t)
         error, omega = np.clip(state[:, 0] - TARGETS[phase], -9, 9), state[:, 1]

@@ -131,7 +131,7 @@ def _stored(name: str, otherwise: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def level(n: int) -> Level:
-    """How hard task n is drawn."""
+    """The level at which task n is drawn."""
     return "hard" if _split(n) == "hard" else "usual"
 
 
@@ -153,7 +153,7 @@ class FormulaSuite(Suite):
         return parts | {"quick": [first[place] for place in spread]}
 
     def task(self, name: str) -> SuiteTask:
-        """The task, with what is known of it."""
+        """The task, with its best known robustness and its baselines."""
         candidate, facts = self.candidate(name), self.facts(name)
         best = {key: facts[key] for key in ("robustness", "upper_bound")}
         why = {

@@ -1,4 +1,4 @@
-"""The systems of the suite: how they move, and what a `task.yaml` would say of each."""
+"""The systems of the suite: their motion, and the entries that a `task.yaml` would have for each."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class About:
     hold: int = 5
     """Steps for which an action is held."""
     decisions: int = 160_000
-    """In a training with the budget `quick`: about 10 CPU seconds."""
+    """The decisions in a training with the budget `quick`, about 10 CPU seconds."""
     points: tuple[tuple[str, ...], ...] = (("x", "y"),)
     """The signals of each point that regions are about."""
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """State -> the ends of its starts, where it is no coordinate of a point; 0 where left out."""
+    """State -> the ends of its starts, if it is no coordinate of a point; 0 if left out."""
     robots: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     always: str = ""
     """The formula that has to hold all the time, beside the drawn one."""

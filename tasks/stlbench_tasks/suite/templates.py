@@ -1,5 +1,7 @@
-"""The templates: forms of formulas. Each takes regions from a scene, which is a room with regions and obstacles
-drawn from a name, and gives a formula, with intervals in steps.
+"""The templates: forms of formulas. A scene is a room with regions and obstacles that are drawn from a name. A template
+takes regions from it and gives a formula, with intervals in steps.
+
+The docstring of a template ends the `source` of its tasks, so users read it.
 """
 
 from __future__ import annotations

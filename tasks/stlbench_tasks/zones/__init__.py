@@ -14,20 +14,21 @@ _RADII = np.array([1.0, 0.8, 0.6])
 _ROUNDS = np.array([4.0, -5.0, 6.0])
 """Middle of a zone's circle in m, its radius in m, and how often it goes round in a whole turn of the phase."""
 _TURNS = np.array([0.0, 1.0, 2.0])
-"""Where a zone is on its circle at phase 0, in rad."""
+"""The angle of a zone on its circle at phase 0, in rad."""
 _PACE = 0.2
 """Radians a second by which the phase goes on."""
 _DRAG = 0.5
 """1/s."""
 _PULL, _BRAKE, _PUSH, _REACH, _AHEAD = 2.0, 1.0, 6.0, 1.2, 0.6
-"""By hand: acceleration a metre off and a m/s; away from a zone, from so many metres on, seconds ahead."""
+"""The controller's acceleration a metre off the place, against a m/s, and away from a zone. It keeps off zones within
+1.2 m, as robot and zones will be 0.6 s ahead."""
 
 
 class Zones(System):
     """A point with drag, whose acceleration is controlled, and three zones that circle.
 
-    v' = v + dt (u - 0.5 v); then the place moves by dt v'. The phase goes on by
-    0.2 rad/s. A zone is on its circle at the angle turn + rounds * phase. Signals: the places of point and zones.
+    v' = v + dt (u - 0.5 v); then the place moves by dt v'. The phase goes on by 0.2 rad/s. A zone is on its circle at
+    the angle turn + rounds * phase. Signals: the places of point and zones.
     """
 
     state = ("x", "y", "v_x", "v_y", "phase")
@@ -48,11 +49,12 @@ class Zones(System):
         return np.concatenate([state[:, :2] / 3, state[:, 2:4] / 1.5, np.cos(angles), np.sin(angles)], axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """Towards the place, and away from where zones soon are: (N, 5), (N,) -> (N, 2)."""
+        """Accelerations towards the place, and away from the zones of soon: (N, 5), (N,) -> (N, 2)."""
         place, velocity = state[:, :2], state[:, 2:4]
         aim = _GOALS[(t >= _SECOND).astype(np.int64)]
         off = (place + _AHEAD * velocity)[:, None] - places(state[:, 4] + _PACE * _AHEAD)
         far = np.hypot(off[..., 0], off[..., 1])[..., None]
+        # At the middle of a zone no direction leads away: the bound keeps the division finite.
         away = off / np.maximum(far, 0.05) * np.maximum(0.0, _REACH - far) / _REACH
         wanted = np.clip(_PULL * (aim - place), -1, 1) - _BRAKE * velocity
         acceleration: Array = np.clip(wanted + _PUSH * away.sum(axis=1), -1.5, 1.5)
@@ -60,7 +62,7 @@ class Zones(System):
 
 
 def places(phase: Array) -> Array:
-    """Where the zones are at a phase: (...,) -> (..., 3, 2)."""
+    """The places of the zones at a phase: (...,) -> (..., 3, 2)."""
     angles = _TURNS + phase[..., None] * _ROUNDS
     found: Array = _CENTRES + _RADII[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     return found
