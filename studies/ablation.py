@@ -1,4 +1,4 @@
-"""What each part of each recipe is worth, from results/ablation and results/reference; and each rule of `auto`.
+"""The worth of each part of each recipe, from results/ablation and results/reference; and of each rule of `auto`.
 
 python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the table
 """
@@ -33,9 +33,9 @@ PARTS = {
     "exploring": "exploring starts",
     "hold": "held actions",
 }
-"""Of a recipe: what `task[without=PART]` leaves out, in words."""
+"""PART -> the part of a recipe that `task[without=PART]` leaves out, in words."""
 DERIVED = ("features", "rewarded", "cuts", "near", "exploring")
-"""What it leaves out on the track `auto`."""
+"""The parts that it leaves out on the track `auto`."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Ablation:
     without: Seeds
     whole: Seeds
     verdict: Difference
-    """Of what is without the part, against the whole recipe."""
+    """The verdict on the recipe without the part, against the whole one."""
 
 
 _TRACKS = {

@@ -2,11 +2,11 @@
 
     python studies/best_known.py TASK [--seconds 240] [--plan] [--policies FOLDER]
 
-For each start it begins with the best of these: the action zero, the controller by hand, a drive along way points where
-the task has some here, the sequences that were found before, with `--plan` a plan for the formula, and with
-`--policies` what each selected policy of a folder of results does. It changes sequences at random and keeps a change
-that does not make the robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody
-can replay them (`replay`). The number itself stands in the task file, under `best_known`.
+For each start it begins with the best of these: the action zero, the controller by hand, a drive along way points if
+the task has some here, and the sequences that were found before. `--plan` adds a plan for the formula, and `--policies`
+the selected policies of a folder of results. It changes sequences at random and keeps a change that does not make the
+robustness of its start smaller. The sequences go to results/best-known/TASK.npz, where anybody can replay them
+(`replay`). The number itself stands in the task file, under `best_known`.
 
 This is meant for systems without noise: a sequence that was made for one course of the noise is no policy.
 """
@@ -53,7 +53,7 @@ def kept(task: Task) -> Array | None:
 
 
 def by_hand(task: Task, begun: Array) -> Array:
-    """What the controller does from the starts, (N, decisions, axes); the action zero where there is none."""
+    """The controller's actions from the starts, (N, decisions, axes); the action zero if there is none."""
     zero = baselines.zero(task)
 
     def act(simulator: Simulator) -> Array:
@@ -64,7 +64,7 @@ def by_hand(task: Task, begun: Array) -> Array:
 
 
 def driven(task: Task, begun: Array) -> list[Array]:
-    """What a robot does that drives along the task's way points, in several manners, (N, decisions, axes) each."""
+    """Actions of a robot that drives along the task's way points, in several manners, (N, decisions, axes) each."""
     if task.name not in _WAYS:
         return []
     manners = product(_AHEAD, _SPEEDS, _NEAR_POINT)
@@ -95,7 +95,7 @@ def _drive(
 
 
 def planned(task: Task, begun: Array) -> Array:
-    """What the policy of a plan for the formula does, (N, decisions, axes)."""
+    """The actions of the policy of a plan for the formula, (N, decisions, axes)."""
     unpaid = Unpaid(task.specification)
     model = model_of(task, unpaid)
     training = Training(make=_no_environment, steps=1, seed=0, report=lambda policy, steps: None, model=model)
@@ -113,7 +113,7 @@ def planned(task: Task, begun: Array) -> Array:
 
 
 def learned(task: Task, begun: Array, folder: Path) -> list[Array]:
-    """What the selected policies of the task's cells do, (N, decisions, axes) each."""
+    """The actions of the selected policies of the task's cells, (N, decisions, axes) each."""
     cells = [each for each in Results.load(folder) if each.id.task == task.choice and each.measurement]
     return [_of_policy(*load_policy(folder, each), begun) for each in cells]
 

@@ -1,11 +1,11 @@
-"""Where the process that records results becomes the bottleneck of a cluster: costs per cell, measured; then simulated.
+"""The size of a cluster at which recording results becomes its bottleneck: costs per cell, measured; then simulated.
 
     python studies/cluster.py measure results/reference build/costs.json
     python studies/cluster.py draw build/costs.json results/reference docs/figures/cluster.svg
 
 Measured, on one machine, with a scheduler and a worker by their own commands: processor seconds per cell of the parent
-and of the scheduler, for cells that do nothing and return as much as a real one, and what it takes to record a result
-durably. Simulated: workers that are served by one scheduler and one parent, each of which does one thing at a time.
+and of the scheduler. The cells do nothing and return as much as a real one. The cost to record a result durably is
+measured too. Simulated: workers that are served by one scheduler and one parent, which do one thing at a time.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ ROUND_TRIP = 0.001
 
 
 def text_of(item: tuple[int, str]) -> str:
-    """What a cell returns that does nothing."""
+    """The result of a cell that does nothing."""
     return item[1]
 
 
@@ -75,7 +75,7 @@ def engine_costs(folder: Path, text: str) -> dict[str, float]:
 
     with cluster(folder) as (address, scheduler):
         run = DaskExecutor(address=address).run(text_of, [(i, text) for i in range(CELLS)], [600.0] * CELLS)
-        next(run)  # by then all is imported and connected
+        next(run)  # the first cell waits until all is imported and connected, and so does not count
         begun = time.process_time(), seconds_of(scheduler)
         count = sum(1 for _ in run)
         ended = time.process_time(), seconds_of(scheduler)

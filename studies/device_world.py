@@ -230,7 +230,7 @@ def rates(name: str, method: str, copies: int) -> dict[str, float]:
 
 
 def _rate(work: Callable[[], Any], steps: int) -> float:
-    """Of calls that make so many steps each. JAX gives its answer before it has it, so it is waited for."""
+    """Steps a second of calls that make so many steps each. JAX returns before it has computed, so it is waited for."""
     work()
     found = list[float]()
     for _ in range(CALLS):

@@ -1,8 +1,8 @@
 """The gallery of tasks: `python studies/gallery.py` films each, and writes docs/gallery.md.
 
-`python studies/gallery.py hopper --results DIR` films one task again; where nobody wrote a controller, the best stored
-policy of that folder of results acts, and without it nothing but chance. `--page`
-writes the page alone, from the films that are there.
+`python studies/gallery.py hopper --results DIR` films one task again. A task without a controller is acted by the best
+stored policy of that folder of results, or else at random. `--page` writes the page alone, from the films that are
+there.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ FILMED = FOLDER / "films.json"
 WIDTH = 480
 """Pixels of a film."""
 STARTS = 16
-"""Of the report's, of which one is filmed."""
+"""Starts of the report that are tried, one of which is filmed."""
 FRAMES, PICTURES = 75, 40
-"""In a film, at most about so many; of an environment's own pictures, which are larger, fewer."""
+"""About the most pictures in a film; an environment's own pictures are larger, and so there are fewer."""
 
 WHO = {
     "at random": "Random actions, since no policy has learned it yet.",
@@ -50,10 +50,10 @@ Act = Callable[[Simulator], Integers | Array]
 
 @dataclass(frozen=True)
 class Filmed:
-    """What is seen in the film of a task."""
+    """The content of the film of a task."""
 
     by: str
-    """Who acts: "by hand", "at random", or a cell's name."""
+    """The actor: "by hand", "at random", or a cell's name."""
     robustness: float
     seconds: float
     """That an episode lasts."""
@@ -65,7 +65,7 @@ class Filmed:
 
 @dataclass(frozen=True)
 class Actor:
-    """What acts in a task."""
+    """The thing that acts in a task."""
 
     task: Task
     method: RewardMethod

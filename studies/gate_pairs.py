@@ -4,8 +4,8 @@
     python studies/gate_pairs.py --machine loaded --busy 4 --equal 40 --slower 60 --worse 60
 
 Each run is a whole gate of one cheap setting, in a clone of this repository's last commit. In the clones `slower` and
-`worse` the working tree differs from the commit by a patch. What ran is in results/gate-pairs: a row per run in
-runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints a table that
+`worse` the working tree differs from the commit by a patch. The runs are in results/gate-pairs: a row per run in
+runs.csv, a row per turn in turns.csv. The same command runs those that are missing there, and prints a table that
 docs/howto/share.md sums up. A run takes half a minute on an idle machine.
 """
 

@@ -21,11 +21,11 @@ from stlbench.task import Task
 
 _TEMPERATURES = (50.0, 100.0, 200.0)
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1, 0.03])
-"""How much of a change is tried."""
+"""The shares of a change that are tried."""
 _LEAST, _PATIENCE = 1e-4, 5
-"""A gain of the mean, in so many changes, with which a temperature is done."""
+"""A temperature is done if the mean gains less than this in that many changes."""
 _STATE, _EFFORT = 0.2, 1e-2
-"""What following weighs beside the signals: each number of the state, and each action over its range."""
+"""Weights in following beside that of the signals: of each number of the state, and of each action over its range."""
 _TRIES = 16
 
 
@@ -74,7 +74,7 @@ def ascend(task: Task, begun: Array, sequences: Array, end: float) -> Course:
             course.actions[better], course.states[better] = tried.actions[at], tried.states[at]
             gains.append(float(np.maximum(found[rows, best] - value, 0).mean()))
             value = np.maximum(value, found[rows, best])
-            # where whole changes are good the model holds for greater ones, where only short ones are it holds for less
+            # The model holds for greater changes if whole ones are good, and for smaller ones if only short ones are.
             easier = np.where(best == 0, 1 / 3, np.where(best > 1, 2.0, 1.0))
             effort = np.clip(effort * np.where(better, easier, 5.0), 1e-4, 1e8)
     return course
@@ -120,7 +120,7 @@ def _followed(
 
 
 def _cost(task: Task, course: Course) -> Array:
-    """What it costs a regulator to be off the course by one, at each decision: (N, decisions + 1, n, n)."""
+    """The cost for a regulator of being off the course by one, at each decision: (N, decisions + 1, n, n)."""
     states = course.states[:, :: task.file.hold]
     n, span = states.shape[2], np.subtract(task.actions.high, task.actions.low)
     still = linearised(task, course, np.zeros_like(course.states))

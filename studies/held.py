@@ -43,7 +43,7 @@ def taken(task: Task, vectors: Array) -> Integers | Array:
 
 
 def robustness_of(task: Task, begun: Array, sequences: Array) -> Array:
-    """What the referee's score has (N,), without the time that its other numbers take."""
+    """The robustness of the referee's score (N,), without the time that its other numbers take."""
     traces = _traces(task, begun, sequences)
     robustness: Array = judge(task.formula, traces, task.specification, task.file.terminated).robustness[:, 0]
     return robustness
@@ -66,7 +66,7 @@ def actions_of(
 def crossed(
     task: Task, begun: Array, pool: Array, generator: np.random.Generator | None = None, noise: float = 0.0
 ) -> Array:
-    """From each start the best sequence (N, decisions, axes) of a pool (M, decisions, axes), by noisy values."""
+    """The best sequence (N, decisions, axes) from each start, of a pool (M, decisions, axes), by noisy values."""
     count = len(begun)
     value = robustness_of(task, np.repeat(begun, len(pool), axis=0), np.tile(pool, (count, 1, 1))).reshape(count, -1)
     if generator is not None:
@@ -76,7 +76,7 @@ def crossed(
 
 
 def better(task: Task, begun: Array, one: Array, other: Array) -> Array:
-    """From each start the better of two sequences (N, decisions, axes)."""
+    """The better of two sequences (N, decisions, axes) from each start."""
     wins = np.greater(robustness_of(task, begun, other), robustness_of(task, begun, one))
     return np.where(wins[:, None, None], other, one)
 

@@ -19,7 +19,7 @@ from stlbench_methods.raw import Raw
 TASKS = ("integrator", "double-integrator", "unicycle", "quadrotor", "arm")
 STATES = 4000
 SHARES = (0.1, 0.3, 0.5)
-"""Of the goal's window."""
+"""Shares of the goal's window at which states are drawn."""
 COLUMNS = ("`raw`", "`funnel`", "`funnel[variant=code]`")
 
 

@@ -43,7 +43,7 @@ FAMILIES: dict[str, Draw] = {
     "skewed": lambda generator, shape: -generator.exponential(size=shape),
     **{f"{round(100 * share)} % fail": _failing(share) for share in (0.1, 0.2, 0.3, 0.35, 0.4, 0.5)},
 }
-"""Name -> how robustness of seeds is drawn."""
+"""Name -> the function that draws the robustness of seeds."""
 
 
 INTERVALS: dict[str, tuple[Callable[..., Array], Callable[[list[float]], tuple[float, float] | None]]] = {
@@ -54,7 +54,7 @@ INTERVALS: dict[str, tuple[Callable[..., Array], Callable[[list[float]], tuple[f
 
 
 def coverage(name: str, family: str, seeds: int, repetitions: int) -> float:
-    """The share of the repetitions in which an interval covers what the statistic is of two million seeds."""
+    """The share of the repetitions in which an interval covers the statistic of two million seeds."""
     statistic, interval = INTERVALS[name]
     true = float(statistic(FAMILIES[family](np.random.default_rng(1), (2_000_000,)), axis=-1))
     samples = FAMILIES[family](np.random.default_rng(3), (repetitions, seeds))
@@ -63,7 +63,7 @@ def coverage(name: str, family: str, seeds: int, repetitions: int) -> float:
 
 
 def aggregate_coverage(family: str, seeds: int, repetitions: int) -> float:
-    """Of the interquartile mean over tasks that differ in nothing but their level."""
+    """The coverage of the interquartile mean's interval, over tasks that differ in nothing but their level."""
     generator = np.random.default_rng(5)
     levels = np.linspace(0, 0.5, TASKS)[:, None]
     covered = 0
@@ -95,7 +95,7 @@ Sample = Callable[[np.random.Generator, int, int], Array]
 
 
 class Drawn(NamedTuple):
-    """What is estimated of tasks that a suite draws: its true value, and values (..., tasks, seeds) of a sample."""
+    """An estimate on tasks that a suite draws: its true value, and values (..., tasks, seeds) of a sample."""
 
     estimate: Callable[[Array], Estimate]
     true: float
@@ -125,7 +125,7 @@ def _share(true: float, alike: bool = False) -> Drawn:
 
 
 def _difference(one: float, other: float) -> Drawn:
-    """Seeds of two methods that learned such shares. What is hard for the one is hard for the other."""
+    """Seeds of two methods that learned such shares. A task that is hard for the one is hard for the other."""
     hard = stats.norm.isf([one, other]).reshape(2, 1, 1)
 
     def sample(make: np.random.Generator, tasks: int, seeds: int) -> Array:
@@ -150,7 +150,7 @@ DRAWN: dict[str, Drawn] = {
         for one, other in ((0.05, 0.05), (0.05, 0.0), (0.1, 0.02), (0.2, 0.1), (0.5, 0.5), (0.6, 0.4), (0.9, 0.5))
     },
 }
-"""Name -> what is drawn. Of scores tasks differ as much as seeds do; seeds alone differ; tasks alone differ."""
+"""Name -> the sample. Tasks differ as much as seeds do (normal), or seeds alone do, or tasks alone (skewed)."""
 
 
 def drawn_coverage(family: str, tasks: int, seeds: int, repetitions: int) -> float:

@@ -17,13 +17,13 @@ STUDIES = ("reference", "survey", "field", "ablation")
 
 
 def scope() -> str:
-    """What is in the package."""
+    """The content of the package, in a sentence."""
     methods, tasks = (len(plugins.available(kind)) for kind in ("methods", "tasks"))
     return f"It has {methods} published or baseline reward methods and {tasks} tasks."
 
 
 def limits() -> str:
-    """What speaks against the results."""
+    """The facts that speak against the results."""
     standards = recorded.table("reference", "controllers")
     trivial = [f"`{row['task']}`" for row in standards if row["trivial"]]
     verdicts = {name: [row["verdict"] for row in recorded.table(name, "comparisons")] for name in STUDIES}

@@ -67,7 +67,7 @@ def trace(corners: Sequence[tuple[int, float]]) -> Array:
 
 
 def rewards(method: RewardMethod, x: Array) -> Array:
-    """What is paid for the samples 1..T, over the method's scale, (T,)."""
+    """The rewards of the samples 1..T, over the method's scale, (T,)."""
     zero = np.zeros(1, dtype=np.int64)
     samples = x[:, None, None]
     paid, _ = method.along(samples, np.zeros((1, 1)), zero, method.initial_memory(samples[0], zero))

@@ -14,7 +14,7 @@ METHODS = ("funnel", "funnel[variant=code]", "raw", "flag", "tau-mdp")
 RIVALS = ("funnel", "raw", "flag")
 """Methods that every track has."""
 SEEDS = 10
-"""Of the study: only where a row has another number, an entry says it."""
+"""Seeds of the study: an entry names another number only."""
 
 
 def rows(name: str) -> list[Row]:

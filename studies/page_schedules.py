@@ -1,4 +1,4 @@
-"""What schedules change on the suite: tasks of core that are learned, by template; and of the quick slice, by method."""
+"""The effect of schedules on the suite: tasks of core that are learned, by template; on the quick slice, by method."""
 
 from __future__ import annotations
 

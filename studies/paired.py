@@ -1,6 +1,7 @@
 """Two methods on the tasks that both take: Wilcoxon's signed-rank test over tasks, with Holm's correction.
 
-The scores of a task are means over its seeds, so a task is one pair. What is tested together is corrected together.
+The scores of a task are means over its seeds, so a task is one pair. Pairs that are tested together are corrected
+together.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def compared(runs: Runs, one: str, other: str) -> Paired:
 
 
 def runs(folder: str, column: str = "score", template: str | None = None) -> Runs:
-    """Of the finished cells of a folder: the score, or whether it `learned`; of one template, or of all."""
+    """The score of a folder's finished cells, or whether each `learned`; for one template, or for all."""
     found = defaultdict[str, dict[str, list[float]]](dict)
     for row in recorded.table(folder, "cells"):
         if row["status"] == "done" and template in (None, row["template"]):

@@ -27,7 +27,7 @@ from stlbench.task.task import Task
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures" / "paper"
 ANYWHERE = tuple(range(0, 51, 5))
-"""Where the integrator starts in Figure 5: also between the two regions, from where the formula cannot hold."""
+"""Starts of the integrator in Figure 5. Some lie between the two regions, from where the formula cannot hold."""
 
 Kind = Literal["robustness", "rewarded", "trajectories", "anywhere"]
 
@@ -44,7 +44,7 @@ class Picture(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of its files."""
+        """The name of its files, without an ending."""
         return f"figure-{self.figure}-{self.task}-{self.method}-{self.kind}"
 
 

@@ -31,7 +31,7 @@ class Programme:
         self.most.append(most)
 
     def maximise(self, variable: int, **options: Any) -> Any:
-        """What `scipy.optimize.milp` finds for the greatest value of a variable, with these options."""
+        """The result of `scipy.optimize.milp` for the greatest value of a variable, with these options."""
         entries = [(i, j, factor) for i, row in enumerate(self.rows) for j, factor in row.items()]
         rows, columns, factors = zip(*entries, strict=True)
         matrix = coo_array((factors, (rows, columns)), shape=(len(self.rows), len(self.low))).tocsr()

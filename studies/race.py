@@ -13,9 +13,9 @@ _PEERS = ("PPO", "SAC", "TD3", "DQN")
 
 
 class Race(NamedTuple):
-    """What one task took."""
+    """The time that one task took."""
 
-    seconds: float  # of CPU, until the first policy of `solve` that satisfies, or until it gave up
+    seconds: float  # CPU time until the first policy of `solve` that satisfies, or until it gave up
     whole: float  # until `solve` has certified and written everything
     learned: bool
     peers: Mapping[str, Cell]
@@ -24,7 +24,7 @@ class Race(NamedTuple):
     def times(self) -> tuple[str, float] | None:
         """How many times the seconds of `solve` the fastest peer took; None if nobody learned, or without a peer.
 
-        The text is empty, or ">" or "<" where the peers, or `solve`, gave up before they had learned.
+        The text is empty, or ">" or "<" if the peers, or `solve`, gave up before they had learned.
         """
         reached = [cell["cpu"] for cell in self.peers.values() if cell["reached"]]
         if not self.peers or not (self.learned or reached):
@@ -34,7 +34,7 @@ class Race(NamedTuple):
 
 
 def race_of(cells: Mapping[str, Cell]) -> Race | None:
-    """From contestant -> its line; None without a line of `solve`. A later one goes on where the one before ended."""
+    """The race from contestant -> line; None without a line of `solve`. A later line goes on from the one before."""
     tries = [cell for contestant, cell in cells.items() if contestant.startswith("solve")]
     if not tries:
         return None

@@ -1,4 +1,4 @@
-"""What a committed study has recorded, setting by setting: read from the cells.csv of its folder."""
+"""The records of a committed study, setting by setting: read from the cells.csv of its folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Row = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Seeds:
-    """What was recorded of one method on one task, seed by seed, with the selected policies."""
+    """The records of one method on one task, seed by seed, with the selected policies."""
 
     robustness: tuple[float, ...]
     satisfaction: tuple[float, ...]
@@ -30,7 +30,7 @@ class Seeds:
 
     @classmethod
     def of(cls, rows: Sequence[Row]) -> Seeds:
-        """Of finished cells."""
+        """The records of finished cells."""
         names = ("robustness_mean", "satisfaction", "final_satisfaction")
         return cls(*(tuple(float(row[name]) for row in rows) for name in names))
 
@@ -51,7 +51,7 @@ class Seeds:
 
 
 def verdict(row: Row) -> str:
-    """Of a row of comparisons: "better"; "cannot tell, 14 seeds would"."""
+    """The verdict of a row of comparisons: "better"; "cannot tell, 14 seeds would"."""
     return str(Difference(row["verdict"], seeds=int(row["seeds needed"]) if row["seeds needed"] else None))
 
 
@@ -105,7 +105,7 @@ def number(text: str, digits: int = 3) -> str:
 
 
 def first_field(rows: Sequence[Row]) -> list[Row]:
-    """Of a table of aggregates, the first block of each budget and track: that without trivial tasks."""
+    """The first block of each budget and track in a table of aggregates: that without trivial tasks."""
     first: dict[tuple[str, str], str] = {}
     return [row for row in rows if first.setdefault((row["budget"], row["track"]), row["tasks"]) == row["tasks"]]
 

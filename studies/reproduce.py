@@ -27,7 +27,7 @@ class Study(NamedTuple):
 
 
 def read(script: Path) -> Study:
-    """What the first three lines of a script say."""
+    """The study that the first three lines of a script describe."""
     what, time, makes = script.read_text(encoding="utf-8").splitlines()[:3]
     return Study(
         script,

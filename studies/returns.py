@@ -1,4 +1,4 @@
-"""What every recorded policy of a task gets by one method's reward, beside its robustness: is a plan the best by it?
+"""The return of every recorded policy of a task by one method's reward, beside its robustness: is a plan the best?
 
 A plan is computed on a grid, so another policy can be better by the very reward that was planned for. This rolls
 nothing out: it reads the traces of a results folder, and sums the rewards along them, discounted from the start.

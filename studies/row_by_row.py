@@ -9,7 +9,7 @@ from typing import Any
 
 
 def rows(table: Path) -> list[dict[str, str]]:
-    """What is recorded; nothing where there is no table."""
+    """The recorded rows; none if there is no table."""
     if not table.is_file():
         return []
     with table.open(newline="", encoding="utf-8") as file:
@@ -17,7 +17,7 @@ def rows(table: Path) -> list[dict[str, str]]:
 
 
 def add(table: Path, columns: Sequence[str], found: Iterable[Mapping[str, Any]]) -> None:
-    """Append rows, below a head. What no column is for is left out."""
+    """Append rows, below a head. Entries without a column are left out."""
     new = not table.is_file()
     table.parent.mkdir(parents=True, exist_ok=True)
     with table.open("a", newline="", encoding="utf-8") as file:

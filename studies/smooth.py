@@ -38,14 +38,14 @@ def value_of(task: Task, states: Array, k: float) -> Array:
 
 
 def _margins(task: Task, states: Array) -> dict[stl.Formula, torch.Tensor]:
-    """Of each predicate (N, T + 1)."""
+    """Predicate -> its margins (N, T + 1), which know their gradient."""
     signals = task.system.signals(states.reshape(-1, states.shape[2]))
     margins = {each: stl.margin(each, task.signals)(signals) for each in dict.fromkeys(_predicates(task.formula))}
     return {each: torch.tensor(own.reshape(states.shape[:2]), requires_grad=True) for each, own in margins.items()}
 
 
 def derivatives(function: Callable[[Array], Array], at: Array) -> Array:
-    """Of a function of points (M, n), by central differences: (M, values, n)."""
+    """The derivatives (M, values, n) of a function of points (M, n), by central differences."""
     n = at.shape[1]
     moved = np.concatenate([np.eye(n), -np.eye(n)]) * _DIFFERENCE
     values = function((at[:, None] + moved).reshape(-1, n)).reshape(len(at), 2, n, -1)

@@ -3,7 +3,7 @@
 python studies/solve_foreign.py [NAME ...]    run those that have no row yet, one after another
 
 Each has a row in results/solve/foreign.csv, and its folder under build/solve-foreign. The minutes are of CPU time, as
-other programs may run beside. What is there is not run again; delete the row for a new run. A person writes the
+other programs may run beside. A task with a row is not run again; delete the row for a new run. A person writes the
 remark, what went wrong, after a look at the folder.
 """
 

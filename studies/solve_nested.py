@@ -24,7 +24,7 @@ FORMS = {
     "two windows": "F[0,{a}] {A} & F[{a},{c}] {B}",
     "overlap": "F[0,{b}] G[0,10] {A} & F[{a},{c}] G[0,10] {B}",
 }
-"""With a short time, a long one, and the sum of two."""
+"""Forms with a short time {a}, a longer one {b}, and {c}, twice the short one: the second of two windows in turn."""
 PLACES = {
     "nested_environments:OwnUnicycle-v0": (
         ("norm(x - 4, y - 1.5) <= 0.6", "norm(x - 1.5, y - 4.5) <= 0.6"),
@@ -43,10 +43,10 @@ PLACES = {
 OWN_FORMS = {
     # the low level holds at the start from a quarter of the starts
     "nested_environments:OwnTanks-v0": {"until": "(!{A}) U[50,100] {B}"},
-    # from a sixth of the starts no way was found to both sides in each 95 steps
+    # no way was found to both sides in each 95 steps from a sixth of the starts
     "MountainCar-v0": {"patrol": "G[0,60] (F[0,130] {A} & F[0,130] {B})"},
 }
-"""Where the form above is impossible, or seems to be."""
+"""Forms in place of those above that are impossible, or seem to be."""
 TIMES = {"a": 80, "b": 110, "c": 160}
 OWN_TIMES = {
     "Pendulum-v1": {"b": 95},  # its episodes have 200 steps, as those of MountainCar

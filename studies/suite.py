@@ -13,14 +13,17 @@ For each system and template it tries candidates in turn until `count` are accep
 - `unknown`: for which it finds no witness that satisfies from all starts.
 
 A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
-followed by the local search over held actions of `held.py`. What is there already is kept: the same command goes
-on where it was interrupted. With `--bounds` it computes upper bounds anew, and keeps those that are lower than before.
-With `--longer` it searches on from the witnesses of these tasks, or of `all`, for so many CPU seconds each, the widest
-gap to the bound first. It leaves out what has had so many seconds, and what is within .1 % of its bound. Rounds begin
-with what other starts do, or with new drives; then come the gradient of a smooth robustness and the local search.
-With `--exact` it solves a mixed-integer program for each start of these tasks, within so many seconds: its actions
-replace worse ones of the witness, and what it proves may lower the bound. It is for linear systems, and too large
-where F stands inside of G.
+followed by the local search over held actions of `held.py`. Tasks that are there are kept: the same command goes on
+where it was interrupted. `--bounds` computes upper bounds anew, and keeps those that are lower than before.
+
+`--longer` searches on from the witnesses of these tasks, or of `all`, for so many CPU seconds each. The widest gap to
+the bound comes first. Tasks that had so many seconds are left out, and so are those within .1 % of their bound. Rounds
+begin with the actions of other starts, or with new drives; then come the gradient of a smooth robustness and the local
+search.
+
+`--exact` solves a mixed-integer program for each start of these tasks, within so many seconds. Its actions replace
+worse ones of the witness, and its proof may lower the bound. It is for linear systems, and too large if F stands inside
+of G.
 """
 
 from __future__ import annotations
@@ -56,7 +59,8 @@ TABLE, WITNESSES = FOLDER / "accepted.json", FOLDER / "witnesses.npz"
 TRIVIAL, PATIENCE = 0.05, 60
 """The share of starts that is trivial to satisfy, and how many candidates in a row may be refused."""
 ROUNDS, KICK, CLOSE = 5, 0.1, 1e-3
-"""Of a longer search; the noise in the choice of what its middle round begins with; and a gap that it leaves."""
+"""Rounds of a longer search; the noise in the choice of actions that its middle round begins with; a gap that it
+leaves."""
 
 
 def load(candidate: Candidate) -> tuple[Task, Scene]:
@@ -232,7 +236,7 @@ def fill(
 
 
 def _asked(candidate: Candidate) -> tuple[str, str]:
-    """What makes two tasks the same. Raises `Cramped`."""
+    """The parts that make two tasks the same. Raises `Cramped`."""
     content = candidate.content("")
     return content["formula"], str(content["initial"])
 

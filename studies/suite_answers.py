@@ -1,4 +1,4 @@
-"""What trainings on the suite answer: what explains scores, what they depend on, whether a form tells the best method.
+"""Answers from trainings on the suite: what explains scores, what they depend on, whether a form tells the best method.
 
 python studies/suite_answers.py     write the scores that `stlbench advise` reads; studies/pages.py writes the tables
 """
@@ -26,7 +26,7 @@ from stlbench_tasks import suite
 from stlbench_tasks.suite.formulas import FormulaSuite
 
 FOLDERS = ("suite-core", "suite-quick")
-"""Of results; what both have counts once."""
+"""Folders of results; a cell that both have counts once."""
 SCORES = Path(suite.__file__).with_name("scores.json")
 _RESAMPLES = 999
 SHOWN = ("funnel", "funnel[variant=code]", "raw", "flag", "bhnr", "dense", "cfer")
@@ -69,8 +69,8 @@ def drawn(folders: Sequence[str] = FOLDERS) -> tuple[Drawn, ...]:
 def components() -> str:
     """One row per source of differences: its share of the variance of a run's score, on tasks that all `SHOWN` fit.
 
-    Sums of squares are taken in this order, so what two sources share counts for the first. What seeds add to each by
-    chance is taken off. Intervals are from resamples of the tasks.
+    Sums of squares are taken in this order, so what two sources share counts for the first. The part that seeds add to
+    each by chance is taken off. Intervals are from resamples of the tasks.
     """
     tasks = [task for task in drawn() if {*SHOWN} <= {*task.scores}]
     generator = np.random.default_rng(0)
@@ -94,8 +94,8 @@ def _same_seeds(tasks: Sequence[Drawn]) -> int:
 def _shares(tasks: Sequence[Drawn]) -> dict[str, float]:
     """Every method has as many seeds on every task, so differences between tasks and those within are apart.
 
-    A mean over seeds has the seeds' variance over their number. By chance a source adds as much for each of its degrees
-    of freedom. What is left below 0 counts as 0.
+    A mean over seeds has the seeds' variance over their number. A source adds as much by chance for each of its degrees
+    of freedom. A rest below 0 counts as 0.
     """
     seeds = _same_seeds(tasks)
     scores = np.array([[task.scores[method][:seeds] for method in SHOWN] for task in tasks])
@@ -189,7 +189,7 @@ def _less(more: Sequence[float], own: Sequence[float]) -> str:
 
 
 def scores() -> str:
-    """What `stlbench advise` reads: of a task that has a schedule, what methods reached by it, and nothing else."""
+    """The file that `stlbench advise` reads. A task that has a schedule has only the scores of methods with it."""
     before = {task.name: task for task in drawn()}
     now = {task.name: task for task in drawn(("suite-schedules",))}
     same = {name for name, task in now.items() if task.scores["raw"] == before[name].scores.get("raw", ())[:2]}

@@ -16,7 +16,7 @@ from stlbench_tasks.suite.systems import Integrator, Pair, SuiteSystem
 _LATTICE = (Integrator, Pair)
 """Systems whose points move by whole multiples of an axis' least velocity, one decision after another."""
 _BOX = (-1.0, 7.0)
-"""Where places of the lattice are tried: the room and a metre around it."""
+"""The range in which places of the lattice are tried: the room and a metre around it."""
 _TOLERANCE, _NODES = 1e-3, 500
 
 

@@ -31,12 +31,12 @@ Most = Callable[[stl.Formula], Array]
 
 
 class Optimum(NamedTuple):
-    """What is known of one start after the search."""
+    """The result of the search from one start."""
 
     bound: float
     """More than the robustness can be."""
     actions: Array | None
-    """(decisions, axes): the best that were found; None where there are none."""
+    """(decisions, axes): the best that were found; None if there are none."""
 
 
 def optimum(task: Task, place: int, most: Most, seconds: float) -> Optimum:

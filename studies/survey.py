@@ -77,7 +77,7 @@ def _known(task: str) -> float:
 
 
 def _reached(found: Mapping[tuple[str, str], Row], task: str) -> list[float]:
-    """By plans; from random starts, so that it can be more than what is known from the grid."""
+    """The robustness of plans. Their starts are random, so it can be more than is known from the grid."""
     return [float(row["reward_optimal"]) for (name, _), row in found.items() if name == task]
 
 
