@@ -110,9 +110,8 @@ def steer(system: type[SuiteSystem], state: Array, aims: Array) -> Array:
 def _balance() -> Array:
     """The gain (1, 4) of a linear controller that balances the pole and keeps the cart at a place."""
     system = CartPendulum(DT)
-    step = 1e-6
-    rest, step = np.zeros((1, 1)), 1e-6 * np.eye(4)[:, None]
-    around = [(system.step(one, rest) - system.step(-one, rest)) / 2e-6 for one in step]
+    rest, steps = np.zeros((1, 1)), 1e-6 * np.eye(4)[:, None]
+    around = [(system.step(one, rest) - system.step(-one, rest)) / 2e-6 for one in steps]
     a, b = np.concatenate(around).T, system.step(np.zeros((1, 4)), np.ones((1, 1))).T
     p = linalg.solve_discrete_are(a, b, np.diag([3.0, 1.0, 10.0, 1.0]), np.eye(1))
     gain: Array = np.linalg.solve(np.eye(1) + b.T @ p @ b, b.T @ p @ a)
