@@ -47,7 +47,7 @@ _AHEAD, _SPEEDS, _NEAR_POINT = (0.08, 0.12, 0.18, 0.25), (0.5, 0.7, 1.0), (0.02,
 
 
 def kept(task: Task) -> Array | None:
-    """The sequences (N, decisions, axes) in the folder; None where there are none."""
+    """The sequences (N, decisions, axes) in the folder; None if there are none."""
     path = FOLDER / f"{task.name}.npz"
     return np.load(path)["actions"].astype(np.float64) if path.exists() else None
 

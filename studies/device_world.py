@@ -194,7 +194,7 @@ def run(world: DeviceWorld, starts: Array, actions: Array) -> Run:
 TASKS = ("pendulum", "robot-nav", "overlap")
 COPIES = (1, 64, 1024)
 CALLS, SECONDS = 3, 0.5
-"""A rate is the median of so many, each over at least so many CPU seconds, after a first call."""
+"""A rate is the median of this many, each over at least so many CPU seconds, after a first call that compiles."""
 
 
 def rates(name: str, method: str, copies: int) -> dict[str, float]:

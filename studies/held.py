@@ -18,9 +18,10 @@ from stlbench.task import Task
 _TRIES = 16
 """Changed sequences of each start that are simulated side by side."""
 _SHIFTED, _HELD, _CROSSED = 0.15, 0.1, 0.1
-"""How often a change shifts, holds one action, and takes over what another sequence does."""
+"""Shares of changes that shift, that hold one action, and that take over a part of another sequence."""
 _NEAR, _UNDONE, _TAIL, _BLOCK = 0.5, 0.7, 0.5, 4.0
-"""How often two places are near, more is undone, and all that follows is taken over; decisions of a block."""
+"""Shares with two places that are near, with a change that is undone, and with all that follows taken over; the mean
+number of decisions of a block."""
 _SAY = 20.0
 """CPU seconds from one line to the next."""
 
@@ -31,7 +32,7 @@ def replay(task: Task, sequences: Array) -> Score:
 
 
 def _traces(task: Task, begun: Array, sequences: Array) -> Array:
-    """Those (N, T + 1, k) that the sequences (N, decisions, axes) lead to."""
+    """The traces (N, T + 1, k) that the sequences (N, decisions, axes) lead to."""
     return baselines.replay(task, taken(task, sequences), begun).traces
 
 
@@ -90,7 +91,7 @@ def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int
         tried = _changed(np.repeat(sequences, _TRIES, axis=0), task.actions, generator)
         found = robustness_of(task, np.repeat(begun, _TRIES, axis=0), tried).reshape(len(begun), _TRIES)
         winner = found.argmax(axis=1)
-        better = found[rows, winner] >= best
+        better = found[rows, winner] >= best  # an equal one too: the search then leaves a plateau
         winners = tried.reshape(len(begun), _TRIES, *tried.shape[1:])[rows, winner]
         sequences = np.where(better[:, None, None], winners, sequences)
         best = np.where(better, found[rows, winner], best)
@@ -101,7 +102,7 @@ def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int
 
 
 def _changed(sequences: Array, actions: Actions, generator: np.random.Generator) -> Array:
-    """Each of the sequences (N, decisions, axes) changed, mostly so that what follows is moved and not turned.
+    """Each of the sequences (N, decisions, axes) changed, mostly so that the rest of the way is moved and not turned.
 
     All actions between two decisions come one decision sooner or later; or a block holds an action that is taken
     somewhere; or a block, or all that follows, is that of another sequence. Most often one axis has more for some

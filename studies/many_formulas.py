@@ -5,8 +5,8 @@
 For each system and template, one agent is trained on candidates of the suite's generator that are no tasks of it. Each
 copy of the environment has a formula of its own, whose derived view is what the policy observes. It is then scored on
 those of the accepted tasks 0, 1 and 2 whose view has as many columns as that of task 0. Beside it, an agent of the same
-recipe is trained on each of these tasks alone, with the task's budget and with as many steps as the one agent.
-results/many-formulas/scores.csv gets a line as each is scored; what is there is not measured again.
+recipe is trained on each of these tasks alone: once with the task's budget, once with the steps of the one agent.
+results/many-formulas/scores.csv gets a line as each is scored; a score that is there is not measured again.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FORMULAS, SEEDS, TESTS = (8, 32), (0, 1), (0, 1, 2)
 FIRST = 10_000
 """The number of the first candidate in training. The suite's tasks have numbers far below."""
 TIMES = 4
-"""So many times the steps of a task's budget for all formulas together, and for one alone."""
+"""The factor on the steps of a task's budget, for all formulas together and for one alone."""
 
 
 class Family:

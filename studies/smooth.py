@@ -13,6 +13,7 @@ from stlbench.stl.language.syntax import Connective, Window
 from stlbench.task import Task
 
 _DIFFERENCE, _NEVER = 1e-6, 1e3
+"""The step of differences; and more than any margin, for an until whose left side is asked at no sample yet."""
 
 
 def slope(task: Task, states: Array, k: float) -> Array:

@@ -12,9 +12,9 @@ For each system and template it tries candidates in turn until `count` are accep
 - `twin`: that has the same formula and starts as another;
 - `unknown`: for which it finds no witness that satisfies from all starts.
 
-A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method),
-followed by the local search over held actions of `held.py`. Tasks that are there are kept: the same command goes on
-where it was interrupted. `--bounds` computes upper bounds anew, and keeps those that are lower than before.
+A witness is a drive along way points, whose details are drawn at random and selected (the cross-entropy method). The
+local search over held actions of `held.py` follows. Tasks that are there are kept: the same command goes on where it
+was interrupted. `--bounds` computes upper bounds anew, and keeps those that are lower than before.
 
 `--longer` searches on from the witnesses of these tasks, or of `all`, for so many CPU seconds each. The widest gap to
 the bound comes first. Tasks that had so many seconds are left out, and so are those within .1 % of their bound. Rounds

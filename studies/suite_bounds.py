@@ -62,6 +62,7 @@ class Reach:
         at_start = stl.margin(psi, self.task.signals)(self.signals)
         most = np.full((len(at_start), len(self.way)), highest)
         if read == set().union(*moving):
+            # Margins in the room are distances: they grow by no more than the ways of the points that they read.
             most = np.minimum(most, at_start[:, None] + len(moving) * self.way)
             if self.system in _LATTICE and len(moving) == 1:
                 self._on_lattice(psi, moving[0], most)
@@ -83,7 +84,7 @@ class Reach:
             for start in self.signals[:, columns]:
                 places = _BOX[0] + (start - _BOX[0]) % spacing + offsets
                 greatest.append(stl.margin(psi, names)(places).max())
-            bound = np.maximum(greatest, beyond) + 1e-9
+            bound = np.maximum(greatest, beyond) + 1e-9  # places on the lattice are rounded
             most[:, steps] = np.minimum(most[:, steps], bound[:, None])
 
     def _beyond(self, names: tuple[str, ...]) -> list[dict[str, tuple[float, float]]]:

@@ -17,7 +17,7 @@ from stlbench_tasks.suite.systems import Arm, CartPendulum, DoubleIntegrator, Qu
 from stlbench_tasks.suite.templates import DT, Disc, Scene
 
 _DRIVES, _ELITE, _ROUNDS = 48, 6, 8
-"""Drives from each start that are tried at once, those of them that are kept, and how often."""
+"""Drives from each start that are tried at once, those of them that are kept, and the rounds of this."""
 
 
 class Drives:

@@ -98,7 +98,11 @@ class _Program:
         self._programme.require(dict.fromkeys(chosen, 1.0), 1.0)
 
     def _disc(self, own: int, disc: re.Match[str], t: int) -> None:
-        """radius - n (p - centre) for the outward normal n of each side; p is linear in the actions."""
+        """radius - n (p - centre) for the outward normal n of each side; p is linear in the actions.
+
+        The norm of p - centre is no less than any n (p - centre). So the polygon lies around the disc, and can only
+        raise the bound.
+        """
         names, centre, radius = disc.group(1, 3), [float(each) for each in disc.group(2, 4)], float(disc[5])
         constant, slope = self._places
         columns = [self._names.index(name) for name in names]

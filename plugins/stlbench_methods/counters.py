@@ -278,7 +278,7 @@ class Counters(RewardMethod):
 
     Args:
         pays: `margin`: the mean share of the parts at each sample. The share is the time left over the time to answer,
-            or the stages of a chain that are reached, or 1 for a part that is done. `verdict`: 1 when all parts are
+            or the stages of a chain that are reached; a part that is done has 1. `verdict`: 1 when all parts are
             done. Both pay -1 when one has failed, and nothing after it.
         counterfactuals: the number of times that each transition is learned from with other counters too, which could
             be there at its sample. Each is evenly drawn among those that the ones before it leave, part by part.

@@ -97,8 +97,8 @@ def _seeds(first: int, count: int) -> Array:
 _ROUNDS = 200
 """Rounds of draws without enough states after which a condition counts as hopeless."""
 _MANY = 256
-"""Fewer states than this get more rounds, so that as many draws are made. One state in 200 rounds would miss a
-condition that holds in 2 % of the box once in 57 calls, and training asks for one at the end of each episode."""
+"""Fewer states than this get more rounds, so that as many draws are made. Training asks for one state at the end of
+each episode. In 200 rounds it would miss a condition that holds in 2 % of the box once in 57 calls."""
 _ROUNDS_APART = 20
 """Blocks of the sequence that are searched for other states; a region may have too few of them."""
 

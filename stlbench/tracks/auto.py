@@ -1,7 +1,7 @@
 """The track `auto`: all that helps a training, by rules from the formula, the ranges and the time, for every task.
 
-A task is then dynamics with signals and their ranges, a sampling time, the time for which an action is held, initial
-states and a formula. No rule knows the method.
+A task is then dynamics with signals and their ranges, a sampling time, a time for which an action is held, starts and a
+formula. No rule knows the method.
 """
 
 from __future__ import annotations
