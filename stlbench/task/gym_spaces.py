@@ -181,7 +181,7 @@ class Observed:
         self._space, self._plain = space, isinstance(space, Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
         known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
-        # Some spaces have equal ends, as [0, 0], for an entry whose range nobody knew: nothing lies beyond them.
+        # Equal ends, as [0, 0], say nothing of the range of an entry: nothing lies beyond them.
         ends = np.stack([np.where(low < high, low, -np.inf), np.where(low < high, high, np.inf)])
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2

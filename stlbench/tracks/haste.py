@@ -59,7 +59,7 @@ def too_fast(task: Task) -> str | None:
 
 
 def _held(task: Task) -> Integers | Array:
-    """Actions (copies, pieces, ...). Half of the copies have them at the ends of their ranges, as fast robots need."""
+    """Actions (copies, pieces, ...). Half of the copies have them at the ends of their ranges, as these go fastest."""
     pieces = min(_PIECES, task.file.decisions)
     found = held_at_random(task.actions, np.random.default_rng(0), _COPIES, pieces)
     if not isinstance(task.actions, ActionGrid):
