@@ -212,7 +212,7 @@ def _back_additive(
         at, rest = begin + count, action[i]
         for axis in range(len(axes) - 1, -1, -1):
             at -= axes[axis]
-            share = -error / flat.dtype.type(axes[axis])
+            share = -error / flat.dtype.type(axes[axis])  # the mean is taken off, so each output has a gradient
             for j in range(axes[axis]):
                 values[at + j] = share
             values[at + rest % axes[axis]] += error

@@ -97,7 +97,7 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
         for k in range(a.columns):
             factor, begin = a.values[a.at + i * a.row + k * a.step], b.at + k * b.row
             terms = b.values[begin : begin + b.columns]
-            if is_narrow:
+            if is_narrow:  # rounded twice, as `llvm_vectors` does under a mask
                 for j in range(len(sums)):
                     sums[j] += factor * terms[j]
             else:

@@ -177,6 +177,7 @@ def actor_gradient(
     back_outputs(critics, layers, buffers.critic.forward[-1], buffers.value, rows, buffers.critic, False, into)
     back = back_hidden(critics, layers, buffers.joined, rows, buffers.critic, False, into)
     width, share = layers[0, 2], kind(2 * penalty / (rows * axes))
+    # Only the action's columns are needed of the gradient by the critic's inputs.
     for j in range(axes):
         inner_products(back, 0, rows, width, critics, layers[0, 0] + (inputs + j) * width, width, buffers.value)
         for i in range(rows):
@@ -230,7 +231,7 @@ class TD3Learner:
         self.replay = Replay(rows, copies, inputs, recipe.n_steps, recipe.gamma, recipe.reward_scale, axes=axes)
         first, last = recipe.exploration_noise, recipe.exploration_noise_final
         self._noise = np.linspace(first, first if last is None else last, rounds)
-        self._shares = np.linspace(0.25, 1.75, copies)[:, None]
+        self._shares = np.linspace(0.25, 1.75, copies)[:, None]  # several copies have the recipe's noise on average
         self._copies, self._done, self._count = copies, 0, 0
         self._random_steps, self._updates = recipe.random_steps, updates
         self._batch = Batch.of(recipe.batch_size, inputs, axes)

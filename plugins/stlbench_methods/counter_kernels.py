@@ -135,6 +135,7 @@ def _step_reach(tables: Tables, i: int, holds: Truth, at: int, memory: Array) ->
         alive = memory[column] == 1
         column += 1
     can_go_on = False
+    # `is_open` goes from stage to stage: several may be reached at one sample, as F[0,w] may hold at once.
     is_open = alive and tables.start[i] <= at <= tables.end[i]
     for c in range(column, last):
         need += 1
@@ -147,7 +148,7 @@ def _step_reach(tables: Tables, i: int, holds: Truth, at: int, memory: Array) ->
     if memory[last] >= tables.length[i]:
         _decide(tables, i, DONE, memory)
         return
-    if guard >= 0 and not holds[guard]:
+    if guard >= 0 and not holds[guard]:  # asked after the stages: it need not hold at the sample of the first one
         memory[tables.first[i]] = 0
         alive = False
     if not (in_run or can_go_on or (alive and at < tables.end[i])):
@@ -179,7 +180,7 @@ def _in_time(tables: Tables, i: int, at: int, missing: float, age: float) -> boo
     """Whether an answer that lacks so many samples can come before the first deadline."""
     last = tables.last[i]
     asked = at - age + 1 if age > 0 else max(at + 1, tables.start[i])
-    in_time: bool = at + max(missing, 1) <= asked + tables.most[last]
+    in_time: bool = at + max(missing, 1) <= asked + tables.most[last]  # the next sample is the first that can answer
     return in_time
 
 

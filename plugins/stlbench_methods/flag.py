@@ -156,6 +156,7 @@ class AbsoluteFlags(Flags):
             active,
             np.array([_paid(term.kind != "G", beta) for term in terms]),
         )
+        # Sample 0 is never paid for; a flag that is down pays the least.
         self.floor = float((active[:, 1:] * self._terms.paid[:, :1]).sum(axis=0).min())
         self.initial, self.full = np.array(initial), np.array(full)
         self.scale = float(active.sum(axis=0).max())

@@ -63,8 +63,8 @@ class TauMdp(RewardMethod):
         extremes = (0.0, 1.0) if form == "probability" else (low, high)
         self.scale = float(max(np.exp(self._beta * value) for value in extremes))
         least = self._sign * float(np.exp(self._beta * extremes[0]))
-        self._floor = min(0.0, least) if first else least
-        self._shown = np.arange(self.tau)[::-every][::-1]
+        self._floor = min(0.0, least) if first else least  # the first samples pay 0
+        self._shown = np.arange(self.tau)[::-every][::-1]  # backwards, so that the newest sample is always among them
         self._middle = (np.array(specification.high) + specification.low) / 2
         self._half = (np.array(specification.high) - specification.low) / 2
 

@@ -35,7 +35,7 @@ def too_fast(task: Task) -> str | None:
         return None
     known = regions(task)
     goals = sorted((term for term in terms if term.kind != "G"), key=lambda term: term.end)
-    ways = [
+    ways = [  # goals in turn alone: if the windows overlap, the second may be visited first
         (first, second)
         for first, second in pairwise([None, *goals])
         if second is not None and (first is None or first.end <= second.start + first.length)
