@@ -69,7 +69,7 @@ def verify(folder: Path) -> Verified:
         if problems := ledger.problems():
             return Verified(0, 0, tuple(problems), (), 0)
         damages, there, rows, files, marked = list[Damage](), set[str](), 0, 0, 0
-        for row in ledger.recorded():
+        for row in ledger.inspected():
             rows, marked = rows + 1, marked + row.again
             there.update((row.key, row.own_key))
             if isinstance(row.result, str):
@@ -79,7 +79,7 @@ def verify(folder: Path) -> Verified:
                 damages += changed
                 files += len(row.files) - len(changed)
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
-        gone = {key: cell for key, cell in ledger.written().items() if key not in there}
+        gone = {key: cell for key, cell in ledger.recorded().items() if key not in there}
         damages += [Damage(key, cell, "row", "it was recorded, and is not there") for key, cell in gone.items()]
         keys = {*(row.key for row in ledger.listed()), *ledger.planned(), *gone}
         return Verified(
