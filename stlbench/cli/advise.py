@@ -18,7 +18,7 @@ from stlbench.cli.options import completed
 from stlbench.cli.output import Json, show, table
 from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError, one_line
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import parse_choices
 from stlbench.report import Column, Table, Value, condense, evidence
@@ -233,7 +233,7 @@ def _rank(known: Mapping[str, Any] | None) -> tuple[float, float]:
 def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
     """Method -> its scores with the task's own agent on the track shared, at the budget with the most steps."""
     known = dict[str, dict[str, Any]]()
-    groups = [group for group in condense(stored.read(folder)) if group.done]
+    groups = [group for group in condense(results_folder.read(folder)) if group.done]
     for group in sorted(groups, key=lambda group: max(group.values("env_steps"))):
         setting = group.setting
         if (setting.task, str(setting.agent), setting.track) != (task.choice, task.own_agent, "shared"):

@@ -15,7 +15,7 @@ from stlbench.cli.options import Architecture, Budget, Cell, Method, On, OwnActi
 from stlbench.cli.output import Json, show
 from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import OUTSIDE
 from stlbench.records.result import Result, Score, plain_scores, reported
 from stlbench.registry.choices import Choice, parse_choice
@@ -132,9 +132,9 @@ def score_cell(
 
 def _usual(results: Path, task: Choice) -> str | None:
     """The budget of the task's cells in a folder, for scores from the same starts; None without a single one."""
-    if stored.locate(results) is None:
+    if results_folder.locate(results) is None:
         return None
-    cells = (result.id for result in stored.read(results))
+    cells = (result.id for result in results_folder.read(results))
     budgets = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
     return budgets.pop() if len(budgets) == 1 else None
 
@@ -155,7 +155,7 @@ def _text(result: Result, results: Path) -> Iterator[str | Table]:
         warn(f"{moved}; --actions FILE gives it actions of its own")
     yield scores_table({"": result.measurement.selected})
     _warn_of_ends(result.measurement.selected)
-    groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
+    groups = condense(each for each in results_folder.read(results) if each.id.task == result.id.task)
     yield Report(groups, {}).robustness
     counts = sorted({count for group in groups for count in group.values("starts")})
     if len(counts) > 1:

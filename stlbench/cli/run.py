@@ -17,7 +17,6 @@ from stlbench.cli.options import names as choices
 from stlbench.cli.output import console
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
-from stlbench.records import stored
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import ACCIDENTS, Result, accidents_of
@@ -25,7 +24,7 @@ from stlbench.records.result_files import write
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.named_tasks import task_of
-from stlbench.report import Column, Table, Value, condense, only, to_csv, to_screen
+from stlbench.report import Column, Table, Value, groups_of, only, to_csv, to_screen
 from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask
@@ -114,7 +113,7 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     Raises:
         UsageError: all of these cells ended as unsuitable.
     """
-    recorded = condense(stored.read(folder), stored.missing(folder).values())
+    recorded = groups_of(folder)
     shown = only(recorded, cells)
     rows = [row for group in shown for row in group.rows]
     show_report(recorded, folder, explain, shown=shown)

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
-from stlbench.records import lines, stored
+from stlbench.records import lines, results_folder
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell, adapter
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, TASK_FOLDER, Result, Status
@@ -157,7 +157,7 @@ def load(path: Path) -> Snapshot:
         return _reference(path)
     if path.suffix == ".csv":
         return _table(followed(path))
-    if (file := stored.locate(path)) is not None:
+    if (file := results_folder.locate(path)) is not None:
         return _results(file)
     if (path / TABLE).is_file():
         return _table(path / TABLE)
@@ -180,7 +180,7 @@ def save(folder: Path, snapshot: Snapshot) -> None:
 def _results(path: Path) -> Snapshot:
     if path.is_file() and not lines.is_lines(path) and not is_sqlite(path):
         raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
-    return gather(stored.read(path))
+    return gather(results_folder.read(path))
 
 
 def _reference(folder: Path) -> Snapshot:

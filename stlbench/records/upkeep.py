@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean, one_line
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import is_lines
 from stlbench.records.result import ACCIDENTS, Result, Status
 from stlbench.records.result_files import (
-    LINES,
     POLICIES,
     TRACES,
     cell_files,
@@ -63,8 +62,8 @@ class Verified(NamedTuple):
 
 def verify(folder: Path) -> Verified:
     """Check all that is recorded in a folder; nothing is written. Raises `UsageError` without results."""
-    if (file := stored.locate(folder)) is not None and is_lines(file):
-        return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
+    if (file := results_folder.locate(folder)) is not None and is_lines(file):
+        return Verified(sum(1 for _ in results_folder.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
         if problems := ledger.problems():
             return Verified(0, 0, tuple(problems), (), 0)
@@ -204,9 +203,8 @@ def merge(into: Path, source: Path) -> Merged:
     """
     if into.resolve() == source.resolve():
         raise UsageError(f"{source} cannot be merged into itself")
-    incoming = list(stored.read(source))
-    if stored.locate(into) and not (into / FILE).is_file():
-        raise UsageError(f"{into} has no {FILE} but {LINES}; merge into a new folder, and export that")
+    incoming = list(results_folder.read(source))
+    results_folder.refuse_lines(into, "merge into a new folder, and export that")
     damaged = {(damage.key, damage.what) for damage in verify(source).damages}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with writing(into), Ledger(into / FILE) as ledger:
@@ -246,7 +244,7 @@ def _agree(result: Result, before: Result) -> bool:
 def _plan(source: Path, ledger: Ledger) -> int:
     """Take over the missing cells of the source's plan; the number of cells that are new to the ledger."""
     known = {*ledger.counted(), *ledger.planned().values()}
-    new = {key: cell for key, cell in stored.missing(source).items() if cell not in known}
+    new = {key: cell for key, cell in results_folder.missing(source).items() if cell not in known}
     ledger.plan_also(new)
     return len(new)
 

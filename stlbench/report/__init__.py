@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench.records import result_files
+from stlbench.records import result_files, results_folder
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
@@ -52,6 +52,7 @@ __all__ = [
     "Value",
     "Width",
     "condense",
+    "groups_of",
     "only",
     "show",
     "to_csv",
@@ -66,9 +67,14 @@ __all__ = [
 def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple[Group, ...]:
     """Read results one at a time, and gather a few numbers of each in groups that differ in nothing but the seed.
 
-    The `missing` are cells that were planned and have no result (`Ledger.missing`).
+    The `missing` are cells that were planned and have no result.
     """
     return group(chain(map(row, results), map(missing_row, missing)))
+
+
+def groups_of(folder: Path) -> tuple[Group, ...]:
+    """All cells of a folder of results, also those that are missing. Raises `UsageError` as `results_folder.read`."""
+    return condense(results_folder.read(folder), results_folder.missing(folder).values())
 
 
 def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]:

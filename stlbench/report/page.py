@@ -19,7 +19,7 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import OUTSIDE, Setting
 from stlbench.records.result import Result
 from stlbench.records.result_files import TRACES, cell_files, end_of_log, is_there, names, read, write
-from stlbench.records.stored import Find
+from stlbench.records.results_folder import Find
 from stlbench.registry.choices import Choice
 from stlbench.report import Report
 from stlbench.report.figures.files import (

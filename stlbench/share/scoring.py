@@ -10,13 +10,13 @@ from typing import Any, Literal, NamedTuple
 
 from stlbench.contract import Array, GymTask, Intractable, RewardMethod, System, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.records import array_files, stored, upkeep
+from stlbench.records import array_files, results_folder, upkeep
 from stlbench.records.array_files import Assessment
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.observation import Observation
 from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Score
-from stlbench.records.result_files import LINES, cell_files, inside, writing
+from stlbench.records.result_files import cell_files, inside, writing
 from stlbench.registry import named_tasks
 from stlbench.registry.choices import NAME, Choice
 from stlbench.share.actions import OnObservation, OnState, numbers_of, read_actions
@@ -204,8 +204,7 @@ def record(folder: Path, entry: Entry) -> Result | None:
     Raises `UsageError` if the folder has no ledger but lines of text, or cannot be written.
     """
     result = entry.result
-    if stored.locate(folder) and not (folder / FILE).is_file():
-        raise UsageError(f"{folder} has no {FILE} but {LINES}; say another folder by --results")
+    results_folder.refuse_lines(folder, "say another folder by --results")
     path = cell_files(folder, result.id, result.key).traces
     with writing(folder), Ledger(folder / FILE) as ledger:
         before = next((each for each in ledger.results() if each.id == result.id), None)

@@ -16,7 +16,7 @@ import numpy as np
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import Choice
@@ -215,7 +215,7 @@ class Trainer:
 
     def _done(self, folder: str) -> list[Result]:
         place = self.workspace.folder / folder
-        return [each for each in stored.read(place) if each.measurement is not None] if place.is_dir() else []
+        return [each for each in results_folder.read(place) if each.measurement is not None] if place.is_dir() else []
 
     def _plan(self, racing: Sequence[Contestant], probe: Result) -> int:
         """How many contestants, the first of them, the time lets learn; write them, and the budgets of the rungs.

@@ -9,7 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
 
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.array_files import SavedTraces, Which, read_cell
 from stlbench.records.identity import IDENTITY, CellId, find_cell
 from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, CurvePoint, Measurement, Result
@@ -54,7 +54,8 @@ class Results:
             UsageError: there is neither, or the file is not as it should be.
         """
         path = Path(folder)
-        return cls.of(stored.read(path), path if path.is_dir() else path.parent, stored.missing(path).values())
+        missing = results_folder.missing(path).values()
+        return cls.of(results_folder.read(path), path if path.is_dir() else path.parent, missing)
 
     @classmethod
     def of(cls, results: Iterable[Result], folder: Path, missing: Iterable[CellId] = ()) -> Self:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.contract import Executor, Work
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result, Status
@@ -89,7 +89,7 @@ def run_missing(study: Study, progress: Listener | None = None, until: Until | N
 
 def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
     """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
-    recorded = [*stored.read(study.folder)] if stored.locate(study.folder) else []
+    recorded = [*results_folder.read(study.folder)] if results_folder.locate(study.folder) else []
     ended = [result for result in recorded if result.status not in study.retry]
     done = {result.id if study.keep_old else result.key for result in ended}
     return [cell for cell in cells if (cell.id if study.keep_old else cell.key) not in done], recorded
@@ -180,7 +180,7 @@ def _given_up(cells: Sequence[CellId], attempts: int) -> str:
 def _locked(folder: Path) -> Iterator[Ledger]:
     """The ledger of a folder in which no other process writes; it has what the folder's lines say."""
     with writing(folder), Ledger(folder / FILE) as ledger:
-        stored.take_over(folder, ledger)
+        results_folder.take_over(folder, ledger)
         yield ledger
 
 

@@ -11,10 +11,9 @@ from fuzz.answers import answer, fuzz, sizes
 from fuzz.inputs import damaged
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
 from stlbench.records.ledger import FILE
 from stlbench.records.result_files import LINES
-from stlbench.report import condense
+from stlbench.report import groups_of
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw,toy-large,toy-wrong", "--seeds", 4)
 HERE = ("--executor", "toy-here")
@@ -23,7 +22,7 @@ HERE = ("--executor", "toy-here")
 def read_all(folder: Path) -> None:
     """What a report reads."""
     with suppress(UsageError):
-        condense(stored.read(folder), stored.missing(folder).values())
+        groups_of(folder)
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import lines, stored
+from stlbench.records import lines, results_folder
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result_files import LINES, PACKED
 from stlbench.records.rows import LedgerWarning
@@ -34,18 +34,22 @@ def keyed(seed, **changes):
 
 
 def seeds(folder):
-    return [entry.id.seed for entry in stored.read(folder / LINES)]
+    return [entry.id.seed for entry in results_folder.read(folder / LINES)]
 
 
 def test_each_result_is_a_line_as_it_is_recorded(folder):
-    assert list(stored.read(folder / LINES)) == list(stored.read(folder)) == [keyed(seed) for seed in range(3)]
+    assert (
+        list(results_folder.read(folder / LINES))
+        == list(results_folder.read(folder))
+        == [keyed(seed) for seed in range(3)]
+    )
 
 
 def test_of_a_cell_that_stands_twice_the_last_line_counts(folder):
     later = replace(keyed(1), key="edited", status="raised", reason="ValueError: x", measurement=None)
     with Ledger(folder / FILE) as ledger:
         ledger.record(later)
-    assert list(stored.read(folder / LINES)) == [keyed(0), keyed(2), later]
+    assert list(results_folder.read(folder / LINES)) == [keyed(0), keyed(2), later]
 
 
 def test_what_was_removed_or_merged_is_so_in_the_lines(folder, tmp_path):
@@ -64,7 +68,7 @@ def test_a_last_line_that_was_cut_is_left_out_and_the_next_takes_its_place(folde
     (folder / LINES).write_text(text + text[:left])
     (folder / FILE).unlink()
     with pytest.warns(LedgerWarning, match=r"cells\.jsonl, line 4: it was cut, as by a kill, and is left out"):
-        assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
+        assert [entry.id.seed for entry in results_folder.read(folder)] == [0, 1, 2]
     lines.append(folder, [keyed(3)])
     assert seeds(folder) == [0, 1, 2, 3]
 
@@ -94,26 +98,29 @@ def test_lines_get_what_they_lack_of_the_ledger_when_a_run_begins(folder):
         ledger.record(replace(keyed(2), key="old"))
         ledger.record(keyed(2))
         (folder / LINES).unlink()
-        stored.take_over(folder, ledger)
-        assert sorted(stored.read(folder / LINES), key=lambda each: each.id) == [keyed(seed) for seed in range(3)]
+        results_folder.take_over(folder, ledger)
+        assert sorted(results_folder.read(folder / LINES), key=lambda each: each.id) == [
+            keyed(seed) for seed in range(3)
+        ]
         size = (folder / LINES).stat().st_size
-        stored.take_over(folder, ledger)
+        results_folder.take_over(folder, ledger)
     assert (folder / LINES).stat().st_size == size
 
 
 def test_packed_lines_are_read_as_others_and_are_the_same_bytes_at_any_time(folder, monkeypatch):
-    planned = stored.missing(folder)
-    count = lines.write_lines(stored.read(folder), folder / PACKED, planned)
+    planned = results_folder.missing(folder)
+    count = lines.write_lines(results_folder.read(folder), folder / PACKED, planned)
     monkeypatch.setattr(time, "time", lambda: 1e9)
     (folder / "later").mkdir()
-    lines.write_lines(stored.read(folder), folder / "later" / PACKED, planned)
+    lines.write_lines(results_folder.read(folder), folder / "later" / PACKED, planned)
     assert (folder / PACKED).read_bytes() == (folder / "later" / PACKED).read_bytes()
     assert (count, planned) == (4, {"key 3": result(seed=3).id})
-    assert lzma.decompress((folder / PACKED).read_bytes()).decode() == lines.text_of(stored.read(folder), planned)
-    assert list(stored.read(folder / "later")) == list(stored.read(folder))
-    assert stored.missing(folder / "later") == planned
+    text = lzma.decompress((folder / PACKED).read_bytes()).decode()
+    assert text == lines.text_of(results_folder.read(folder), planned)
+    assert list(results_folder.read(folder / "later")) == list(results_folder.read(folder))
+    assert results_folder.missing(folder / "later") == planned
     with Ledger(folder / "later" / FILE) as ledger:
-        stored.take_over(folder / "later", ledger)
+        results_folder.take_over(folder / "later", ledger)
         assert ledger.missing() == [result(seed=3).id]
     assert seeds(folder / "later") == [0, 1, 2]  # from here on the run writes there
 
@@ -133,7 +140,7 @@ def test_a_packed_file_that_is_damaged_or_without_end_is_one_line(tmp_path, monk
     (tmp_path / PACKED).write_bytes(damaged.get(how, packed))
     monkeypatch.setattr(lines, "_UNPACKED", 1000 if how == "bomb" else 2**33)
     with pytest.raises(UsageError, match="the file would be more than" if how == "bomb" else r"cannot read|line \d+: "):
-        list(stored.read(tmp_path))
+        list(results_folder.read(tmp_path))
 
 
 @pytest.mark.parametrize("kind", ["link", "nowhere", "pipe", "folder"])
@@ -148,7 +155,7 @@ def test_nothing_is_written_through_a_link_and_no_pipe_is_waited_for(folder, kin
     else:
         (folder / LINES).mkdir()
     with Ledger(folder / FILE) as ledger:
-        for write in (lambda: ledger.record(keyed(5)), lambda: stored.take_over(folder, ledger)):
+        for write in (lambda: ledger.record(keyed(5)), lambda: results_folder.take_over(folder, ledger)):
             with pytest.raises(UsageError, match=r"cells\.jsonl"):
                 write()
         assert len(list(ledger.results())) == 3
@@ -185,5 +192,5 @@ def test_whenever_a_run_is_killed_what_was_announced_is_in_ledger_and_lines(tmp_
     assert set(announced) <= recorded <= set(seeds(tmp_path))
     (tmp_path / FILE).unlink()
     with Ledger(tmp_path / FILE) as ledger:
-        stored.take_over(tmp_path, ledger)
+        results_folder.take_over(tmp_path, ledger)
         assert {entry.id.seed for entry in ledger.results()} == set(seeds(tmp_path))

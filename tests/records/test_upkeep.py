@@ -10,7 +10,7 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import Result
@@ -187,7 +187,7 @@ def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
     assert Results.load(into).missing == (c.id,)
     assert merge(into, source) == counts(kept=1)
     text = tmp_path / "text"
-    write_lines(stored.read(source), text / LINES, stored.missing(source))
+    write_lines(results_folder.read(source), text / LINES, results_folder.missing(source))
     assert merge(tmp_path / "other", text) == counts(added=1, planned=2)
     assert Results.load(tmp_path / "other").missing == (a.id, c.id)
 
@@ -209,6 +209,6 @@ def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):
             ledger.record(entry)
     write_lines(entries, tmp_path / "other" / LINES)
     for folder in (tmp_path, tmp_path / "other"):
-        with stored.one_by_one(folder) as find:
-            assert [find(entry.id) for entry in entries] == list(stored.read(folder))
+        with results_folder.one_by_one(folder) as find:
+            assert [find(entry.id) for entry in entries] == list(results_folder.read(folder))
             assert find(result(seed=7).id) is None

@@ -10,7 +10,7 @@ from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import LINES, cell_files
@@ -101,7 +101,7 @@ def test_an_older_ledger_is_read_and_lists_its_rows_when_it_is_written(folder):
     say(folder / FILE, "DROP TABLE recorded", "PRAGMA user_version = 5")
     before = (folder / FILE).read_bytes()
     assert (verify(folder).rows, verify(folder).is_whole) == (3, True)
-    assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
+    assert [entry.id.seed for entry in results_folder.read(folder)] == [0, 1, 2]
     assert (folder / FILE).read_bytes() == before
     with Ledger(folder / FILE) as ledger:
         ledger.record(keyed(3))

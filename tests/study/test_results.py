@@ -14,7 +14,7 @@ from helpers.synthetic_results import result
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
@@ -126,7 +126,7 @@ def test_lines_hold_all_that_a_ledger_holds(recorded, tmp_path):
     with Ledger(tmp_path / "a" / FILE) as ledger:
         for one in (*recorded, odd):
             ledger.record(one)
-    assert write_lines(stored.read(tmp_path / "a"), tmp_path / "b" / LINES) == 4
+    assert write_lines(results_folder.read(tmp_path / "a"), tmp_path / "b" / LINES) == 4
     first, second = Results.load(tmp_path / "a"), Results.load(tmp_path / "b")
     assert first.results == second.results
     lines = (tmp_path / "b" / LINES).read_text().splitlines()
@@ -135,10 +135,10 @@ def test_lines_hold_all_that_a_ledger_holds(recorded, tmp_path):
 
 def test_the_ledger_goes_before_the_lines(recorded, tmp_path):
     write_lines(recorded, tmp_path / LINES)
-    assert stored.locate(tmp_path) == tmp_path / LINES
+    assert results_folder.locate(tmp_path) == tmp_path / LINES
     with Ledger(tmp_path / FILE) as ledger:
         ledger.record(recorded[0])
-    assert stored.locate(tmp_path) == tmp_path / FILE
+    assert results_folder.locate(tmp_path) == tmp_path / FILE
     assert len(Results.load(tmp_path)) == 1
     assert len(Results.load(tmp_path / LINES)) == 3
 
@@ -167,15 +167,15 @@ def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
         ledger.record(recorded[0])
         ledger.plan({"a key": planned, recorded[0].key: recorded[0].id})
     written = tmp_path / "text" / LINES
-    lines = stored.missing(tmp_path)
+    lines = results_folder.missing(tmp_path)
     assert lines == {"a key": planned}
-    write_lines(stored.read(tmp_path), written, lines)
-    assert list(stored.read(written)) == [recorded[0]]
-    assert stored.missing(written) == lines
-    assert list(stored.missing(written).values()) == [planned]
+    write_lines(results_folder.read(tmp_path), written, lines)
+    assert list(results_folder.read(written)) == [recorded[0]]
+    assert results_folder.missing(written) == lines
+    assert list(results_folder.missing(written).values()) == [planned]
     assert [json.loads(line)["status"] for line in written.read_text().splitlines()] == ["done", "not run"]
     with pytest.raises(UsageError, match="line 1: not a result as"):
-        stored.missing(_written(tmp_path / "bad.jsonl", '{"task": "hold-disc", "status": "not run"}'))
+        results_folder.missing(_written(tmp_path / "bad.jsonl", '{"task": "hold-disc", "status": "not run"}'))
 
 
 def _written(path, text):

@@ -7,7 +7,7 @@ from helpers import scripted_cells
 from helpers.scripted_cells import Here, Told
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import ACCIDENTS
@@ -70,11 +70,11 @@ def test_a_study_that_is_kept_as_text_goes_on(tmp_path):
     with Ledger(tmp_path / FILE, create=False) as ledger:
         ledger.plan_also({cells[3].key: cells[3].id})
         before = list(ledger.results())
-        write_lines(before, tmp_path / LINES, stored.missing(tmp_path))
+        write_lines(before, tmp_path / LINES, results_folder.missing(tmp_path))
     (tmp_path / FILE).unlink()
     assert study(tmp_path, cells[:1]) == ([], [([], 1)])
-    assert list(stored.read(tmp_path)) == before
-    assert [*stored.missing(tmp_path)] == [cells[3].key]
+    assert list(results_folder.read(tmp_path)) == before
+    assert [*results_folder.missing(tmp_path)] == [cells[3].key]
     (tmp_path / LINES).write_text("damaged")  # a ledger goes before the text
     assert study(tmp_path, cells)[0] == [("d", 60)]
 

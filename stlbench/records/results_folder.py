@@ -1,4 +1,6 @@
-"""The results of a folder: from its ledger, else from `cells.jsonl`, else from `cells.jsonl.xz`."""
+"""A folder of results: a ledger, traces, policies and logs. Its results are those of the ledger, else of `cells.jsonl`,
+else of `cells.jsonl.xz`.
+"""
 
 from __future__ import annotations
 
@@ -79,6 +81,12 @@ def take_over(folder: Path, ledger: Ledger) -> None:
     known = lines.keys(folder)
     lacking = [row for row in ledger.present().values() if row.key not in known]
     lines.append(folder, (result for row in lacking if (result := ledger.read(row)) is not None))
+
+
+def refuse_lines(folder: Path, way: str) -> None:
+    """Raises `UsageError` where a folder has results and no ledger that could be written; `way` says what to do."""
+    if locate(folder) and not (folder / FILE).is_file():
+        raise UsageError(f"{folder} has no {FILE} but {LINES}; {way}")
 
 
 def _existing(path: Path) -> Path:
