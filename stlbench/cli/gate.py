@@ -21,6 +21,7 @@ from stlbench.gate.snapshot import Snapshot, cells_of, load, measure, save, sele
 from stlbench.gate.summary import Named
 from stlbench.gate.turns import both_trees, judge_turns, take_turns
 from stlbench.records.result import ACCIDENTS
+from stlbench.registry.choices import LOCAL
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress
 from stlbench.study.scheduler import build_executor
@@ -96,9 +97,9 @@ def gate(
         raise UsageError(f"--results {results} is the reference itself; new measurements need another folder")
     chosen = {"task": tasks_of(tasks), "method": names(methods), "agent": names(agents)}
     numbers = None if seeds is None else parse_seeds(seeds)
-    executor = options.get("executor", "local")
+    executor = options.get("executor", LOCAL)
     place = build_executor(executor, options.get("jobs"))
-    if against is not None and (update or executor != "local"):
+    if against is not None and (update or executor != LOCAL):
         raise UsageError("--against trains here and writes no reference: leave out --update and --executor")
     if update:
         if tasks is methods is agents is seeds is None:

@@ -22,7 +22,7 @@ from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import ACCIDENTS, Result, accidents_of
 from stlbench.records.result_files import write
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice
+from stlbench.registry.choices import LOCAL, Choice
 from stlbench.registry.named_tasks import task_of
 from stlbench.report import Column, Table, Value, groups_of, only, to_csv, to_screen
 from stlbench.study.cell import Cell, Recipe, write_recipes
@@ -161,7 +161,7 @@ def plan(
     """
     chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
     cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
-    executor, retry = build_executor(options.get("executor", "local"), options.get("jobs")), options.get("retry")
+    executor, retry = build_executor(options.get("executor", LOCAL), options.get("jobs")), options.get("retry")
     with interruptible(lambda: cells, results), Progress(verbose) as progress:
         run_cells(cells, results, executor, retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)

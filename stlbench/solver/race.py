@@ -19,7 +19,7 @@ from stlbench.errors import UsageError
 from stlbench.records import results_folder
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
-from stlbench.registry.choices import Choice
+from stlbench.registry.choices import LOCAL, Choice
 from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, along, best_first, contestants, playing, rank, resumes, searcher
 from stlbench.solver.outlook import Outlook, outlook
@@ -97,7 +97,7 @@ class Trainer:
     """Gets a header line for each phase."""
     progress: bool
     """Whether each study prints how it goes on."""
-    executor: str = "local"
+    executor: str = LOCAL
     jobs: int | None = None
     start: Start | None = None
     """The policy from which all trainings start."""

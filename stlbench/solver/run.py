@@ -13,6 +13,7 @@ import gymnasium
 
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.result import Result
+from stlbench.registry.choices import LOCAL
 from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
 from stlbench.solver.contestants import best_first
@@ -40,7 +41,7 @@ def solve(
     time: Literal["steps", "seconds"] | None = None,
     terminated: EarlyEnd | None = None,
     start: str | Path | None = None,
-    executor: str = "local",
+    executor: str = LOCAL,
     jobs: int | None = None,
     progress: bool = False,
 ) -> Solution:

@@ -12,7 +12,7 @@ from stlbench.errors import DiskFull, UsageError, one_line
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, executor_of
+from stlbench.registry.choices import LOCAL, Choice, executor_of
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import NoSpace, key_without_code
 from stlbench.study.provenance import elsewhere, of_cell
@@ -104,7 +104,7 @@ def _wrong(outcome: Outcome) -> str:
     return ""
 
 
-def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
+def build_executor(choice: Choice | str = LOCAL, jobs: int | None = None, memory: str | None = None) -> Executor:
     """The chosen executor, with so many `jobs` at a time, and so much `memory` for each cell, as in "4G".
 
     Raises `UsageError` if there is no such executor, it cannot run here, or a parameter is wrong.
