@@ -20,7 +20,6 @@ from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError, one_line
 from stlbench.records import results_folder
 from stlbench.registry import named_tasks, plugins
-from stlbench.registry.choices import parse_choices
 from stlbench.report import Column, Table, Value, condense, evidence
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
@@ -29,6 +28,7 @@ from stlbench.statistics import across
 from stlbench.statistics.intervals import Interval
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.study.fitting import fit
+from stlbench.study.study import read_choices
 from stlbench.task.forms import traits
 from stlbench.task.task import Task, load_task
 from stlbench.tracks.auto import alternatives
@@ -127,7 +127,7 @@ def advise(
     if results is not None and isinstance(task, Specification):
         raise UsageError("--results shows results of a task; name the task instead of a formula")
     known = {} if results is None or isinstance(task, Specification) else _known(task, results)
-    chosen = None if methods is None else parse_choices(methods)
+    chosen = read_choices(methods)
     for choice in chosen or ():
         plugins.check("methods", choice)
     facts = _facts(task, known, None if chosen is None else list(map(str, chosen)))

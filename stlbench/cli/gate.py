@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from stlbench import contract
-from stlbench.cli.options import Listed, names, study_options, tasks_of
+from stlbench.cli.options import Listed, study_options
 from stlbench.cli.output import Json, show
 from stlbench.cli.run import DEFAULTS
 from stlbench.errors import UsageError
@@ -25,7 +25,7 @@ from stlbench.registry.choices import LOCAL
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress
 from stlbench.study.scheduler import build_executor
-from stlbench.study.study import Study, parse_seeds
+from stlbench.study.study import Study, read_choices, read_seeds, read_tasks
 
 SEEDS = "10"  # seeds of a new reference
 
@@ -95,8 +95,7 @@ def gate(
     """
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; new measurements need another folder")
-    chosen = {"task": tasks_of(tasks), "method": names(methods), "agent": names(agents)}
-    numbers = None if seeds is None else parse_seeds(seeds)
+    chosen = {"task": read_tasks(tasks), "method": read_choices(methods), "agent": read_choices(agents)}
     executor = options.get("executor", LOCAL)
     place = build_executor(executor, options.get("jobs"))
     if against is not None and (update or executor != LOCAL):
@@ -109,7 +108,7 @@ def gate(
             cells = Study.of({**named, "seeds": seeds or SEEDS, "agents": agents, "budget": budget}).cells()
         _update(reference, _measured(cells, results, place), as_json)
         return
-    base = select(reference, budget=[budget], **chosen, seed=numbers)
+    base = select(reference, budget=[budget], **chosen, seed=read_seeds(seeds))
     cells = cells_of(base)
     if against is None:
         new = _measured(cells, results, place)

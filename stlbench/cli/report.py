@@ -28,6 +28,7 @@ from stlbench.share.rescored import bundles_table, read_bundles
 from stlbench.simulation.faults import Question, plugins_of
 from stlbench.study.plugin_guard import ask, ask_one, load_guarded
 from stlbench.study.policies import Start, parse_start
+from stlbench.study.progress import bar_on
 from stlbench.study.results import Results
 from stlbench.tracks.references import References, references
 
@@ -163,12 +164,8 @@ def _write(report: Report, folder: Path, width: Width) -> bool:
 
 def _write_page(report: Report, find: results_folder.Find, folder: Path, out: Path | None, as_json: bool) -> None:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    console = Console(stderr=True, highlight=False)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    bars = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    with bars as bar:
+    with bar_on(Console(stderr=True, highlight=False), transient=True) as bar:
         stage = bar.add_task("figures of the methods", total=None)
         path = write_page(
             report,

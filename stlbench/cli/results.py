@@ -16,7 +16,6 @@ from stlbench.cli.options import Folder
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError, one_line
 from stlbench.records import upkeep
-from stlbench.records import upkeep as verifying
 from stlbench.records.ledger import FILE
 from stlbench.records.result import reported
 from stlbench.records.rows import LedgerWarning
@@ -159,7 +158,7 @@ def verify(
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)  # the text below has the same
-        verified = verifying.repair(folder) if repair else verifying.verify(folder)
+        verified = upkeep.repair(folder) if repair else upkeep.verify(folder)
     show(as_json, _facts(verified, repair), _text(verified, repair, folder))
     if not (verified.is_whole or repair):
         raise typer.Exit(1)

@@ -13,7 +13,6 @@ import typer
 
 from stlbench.cli.common import DISK_FULL, refuse
 from stlbench.cli.options import REQUIRED, Explain, TaskName, Verbose, study_options
-from stlbench.cli.options import names as choices
 from stlbench.cli.output import console
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
@@ -31,7 +30,7 @@ from stlbench.study.plugin_guard import ask
 from stlbench.study.progress import Progress, Tally, duration
 from stlbench.study.run import missing_cells, run_cells, run_missing
 from stlbench.study.scheduler import build_executor
-from stlbench.study.study import Study
+from stlbench.study.study import Study, read_choices
 from stlbench.study.tuning import Entrant, Trial, entrants, search
 from stlbench.task.task import load_task
 from stlbench.tracks.references import differences
@@ -159,7 +158,7 @@ def plan(
       stlbench plan overlap --methods raw,funnel --resolution 0.6
       stlbench plan reach-stay --settings "recipe,gamma=1,without=cuts gamma=1"
     """
-    chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
+    chosen, results = read_choices(options.get("methods")), Path(options.get("results", _RESULTS))
     cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
     executor, retry = build_executor(options.get("executor", LOCAL), options.get("jobs")), options.get("retry")
     with interruptible(lambda: cells, results), Progress(verbose) as progress:

@@ -9,6 +9,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -236,6 +237,18 @@ def blamed(error: BaseException) -> str | None:
         if who := modules.get(name) or packages.get(name.partition(".")[0]):
             return f"{who} raised {cause(error)} ({frame.f_code.co_filename}, line {line})"
     return None
+
+
+@contextmanager
+def blaming(who: str) -> Iterator[None]:
+    """An error in a plugin's code is a `UsageError` that begins with who it was; `Unsuitable` says the rest itself."""
+    try:
+        yield
+    except UsageError:
+        raise
+    except (Exception, SystemExit) as error:
+        said = one_line(error) if isinstance(error, contract.Unsuitable) else cause(error)
+        raise UsageError(f"{who}: {said}") from error
 
 
 def place(kind: type, what: str) -> int | None:

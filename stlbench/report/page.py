@@ -312,8 +312,7 @@ class _Page:
 
         bands = bands_of(task.choice, (setting.method for setting in stories), self.ask)
         for setting, story in stories.items():
-            track = "" if setting.track == "shared" else f", {setting.track}"
-            name = f"{setting.method} ({setting.agent}, {setting.budget}{track})"
+            name = f"{setting.method} ({', '.join((str(setting.agent), setting.budget, *setting.other_track))})"
             colour = self.colours[str(setting.method)]
             figures = figures_of(task, story, bands[setting.method], name, colour) if self.room.left > 0 else ()
             yield name, [self.room.take(_picture(label, figure)) for label, figure in figures]

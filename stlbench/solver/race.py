@@ -22,9 +22,9 @@ from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import LOCAL, Choice
 from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, along, best_first, contestants, playing, rank, resumes, searcher
+from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
-from stlbench.solver.start import Start
 from stlbench.solver.workspace import Workspace
 from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
@@ -99,7 +99,7 @@ class Trainer:
     """Whether each study prints how it goes on."""
     executor: str = LOCAL
     jobs: int | None = None
-    start: Start | None = None
+    start: EarlierPolicy | None = None
     """The policy from which all trainings start."""
 
     def train(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Agent, Intractable, System, Unsuitable
-from stlbench.errors import UsageError, cause, one_line
+from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice, parse_choice
@@ -134,8 +134,11 @@ def check_cells(cells: Iterable[Cell]) -> Checked:
         plugins.check("methods", method)
     for cell, task in _trainings(planned):
         agent = cell.id.agent
-        agents.append((agent, _checked_agent(task, agent)))
-        initial.check(cell, task, agents[-1][1])
+        with plugins.blaming(f"agent {agent}"):
+            agents.append((agent, build_agent(task, agent)))
+        if (arrays := initial.arrays_of(cell)) is not None:
+            with plugins.blaming(f"--init {cell.init} on task {task.name}"):
+                initial.refuse_other(arrays, agents[-1][1], agent.name, task)
         if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return Checked(tuple(notes), tuple(agents))
@@ -164,16 +167,6 @@ def uncompiled(
                 rule = "the contract says a function or None"
                 raise UsageError(f"agent {choice}: uncompiled gives {type(work).__name__}, {rule}")
             yield choice, work
-
-
-def _checked_agent(task: Task, agent: Choice) -> Agent:
-    try:
-        return build_agent(task, agent)
-    except UsageError:
-        raise
-    except Exception as error:
-        message = one_line(error) if isinstance(error, Unsuitable) else cause(error)
-        raise UsageError(f"agent {agent}: {message}") from error
 
 
 def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from rich.console import Console
 from rich.text import Text
@@ -106,7 +106,8 @@ class Progress:
     def start(self, total: int, done: int) -> None:
         self.total, self.done, self.begun = total, done, time.monotonic()
         if done < total:
-            self.bar = _bar(self.console, total, done)
+            self.bar = bar_on(self.console, refresh_per_second=1)
+            self.bar.add_task("", total=total, completed=done)
             self.bar.start()
             if not self.console.is_terminal:
                 threading.Thread(target=self._each_minute, daemon=True).start()
@@ -131,13 +132,12 @@ class Progress:
             self.note(self.tally.line(time.monotonic() - self.begun))
 
 
-def _bar(console: Console, total: int, done: int) -> Bar:
+def bar_on(console: Console, **settings: Any) -> Bar:
+    """A bar with its counts, its time and a text, where the console is a terminal; further `settings` of rich's."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    bar = Progress(*columns, console=console, disable=not console.is_terminal, refresh_per_second=1)
-    bar.add_task("", total=total, completed=done)
-    return bar
+    return Progress(*columns, console=console, disable=not console.is_terminal, **settings)
 
 
 def duration(seconds: float) -> str:

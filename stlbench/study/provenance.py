@@ -42,9 +42,7 @@ def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[s
 
 def of_cell(cell: Cell) -> dict[str, str]:
     """The code and the task folder of one cell, for its provenance."""
-    from stlbench.records.result import (
-        TASK_FOLDER,  # imports NumPy, which `here` is asked for before anything is loaded
-    )
+    from stlbench.records.result import TASK_FOLDER  # it imports NumPy, before which `here` is asked
 
     code = ", ".join(f"{name} {text[:8]}" for name, text in cell.parts)
     place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}

@@ -6,8 +6,8 @@ looked up once more, as another process may have written meanwhile, and runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -120,7 +120,8 @@ def run_cells(
     look = partial(_left, cells, retry, attempts, keep_old, until, provenance)
     with Ledger(folder / FILE) as ledger:
         checked = check_cells(look(ledger).missing)
-    with _locked(folder) as ledger:
+    with writing(folder), Ledger(folder / FILE) as ledger:
+        results_folder.take_over(folder, ledger)
         left = look(ledger)
         ledger.plan({cell.key: cell.id for cell in cells})
         progress.begin([cell.id for cell in left.missing], left.done)
@@ -174,14 +175,6 @@ def _given_up(cells: Sequence[CellId], attempts: int) -> str:
     named = ", ".join(cell.name for cell in cells[:3]) + (", ..." if len(cells) > 3 else "")
     text = f"{len(cells)} {'cell' if len(cells) == 1 else 'cells'} failed {attempts} times or more in a row"
     return f"{text}, given up: {named}; --attempts with a greater number tries again"
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[Ledger]:
-    """The ledger of a folder in which no other process writes; it has what the folder's lines say."""
-    with writing(folder), Ledger(folder / FILE) as ledger:
-        results_folder.take_over(folder, ledger)
-        yield ledger
 
 
 def _run(

@@ -13,7 +13,7 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files
-from stlbench.records.array_files import read_cell, read_saved, save_samples
+from stlbench.records.array_files import Assessment, read_cell, read_saved, save_traces
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import from_json, to_json
 from stlbench.records.result_files import cell_files
@@ -126,7 +126,7 @@ def test_a_schema_that_is_no_utf_8_is_refused_in_one_line(folder):
 
 def test_traces_of_other_starts_than_the_row_says_are_refused(tmp_path):
     made = result(robustness=[1.0] * 1000)
-    save_samples(cell_files(tmp_path, made.id, made.key).traces, np.zeros((8, 3, 1)), ("x",))
+    save_traces(cell_files(tmp_path, made.id, made.key).traces, Assessment({}, np.zeros((8, 3, 1)), None), ("x",))
     with pytest.raises(UsageError, match="traces from 8 starts, and its row says 1000"):
         read_cell(tmp_path, made)
 

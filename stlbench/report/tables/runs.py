@@ -347,7 +347,7 @@ def _count(group: Group, learned: Sequence[bool]) -> int | None:
 def _percent_interval(group: Group, learned: Sequence[bool]) -> Interval | None:
     """The exact interval of the share of seeds, of all that ran, in percent."""
     ends = share_interval(sum(learned), group.tried) if group.done else None
-    return ends and Interval(100 * ends.low, 100 * ends.high)
+    return ends and ends.percent
 
 
 def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:

@@ -96,14 +96,11 @@ def _numbers(of: _Of, tasks: str, learned: str, score: str, where: str = "", dro
     def part(value: Callable[[Reached], Value]) -> Callable[[Line], Value]:
         return lambda line: None if (found := of(line)) is None else value(found)
 
-    def percent(ends: Interval | None) -> Interval | None:
-        return ends and Interval(100 * ends.low, 100 * ends.high)
-
     return {
         Column(tasks, right=False): lambda line: f"{getattr(of(line), 'tasks', 0)} of {len(line.part.places)}",
         Column(f"{learned}{where}", unit="%", digits=0, drop=drop): part(lambda found: 100 * found.learned.value),
         Column(f"learned{where} 95 % interval", unit="%", digits=0, kind=Interval, drop=drop and drop + 1): part(
-            lambda found: percent(found.learned.interval)
+            lambda found: found.learned.interval and found.learned.interval.percent
         ),
         Column(f"{score}{where}", digits=2, drop=drop): part(lambda found: found.score.value),
         Column(f"score{where} 95 % interval", digits=2, kind=Interval, drop=drop and drop + 1): part(
