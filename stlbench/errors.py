@@ -94,6 +94,11 @@ def did_you_mean(name: str, known: Iterable[str], few: Iterable[str] = ()) -> st
     return f"; there are: {', '.join(listed)}" if listed else "; there are none"
 
 
+def counted(number: int, what: str) -> str:
+    """A number of things: "1 cell", "3 cells"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 # ------------------------------------------------------------------------------------------ texts of plugins, made safe
 
 

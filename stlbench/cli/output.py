@@ -108,9 +108,6 @@ def console() -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich itself would exit with code 1, which has another meaning here
 
-    return Out(width=None if sys.stdout.isatty() else _columns(), highlight=False)
-
-
-def _columns() -> int:
     columns = os.environ.get("COLUMNS", "")
-    return int(columns) if re.fullmatch("[1-9][0-9]{0,4}", columns) else 120
+    width = int(columns) if re.fullmatch("[1-9][0-9]{0,4}", columns) else 120
+    return Out(width=None if sys.stdout.isatty() else width, highlight=False)

@@ -9,6 +9,7 @@ import sqlite3
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import prod
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, Self
@@ -85,7 +86,8 @@ class Ledger:
             return []
         query = f"SELECT rowid, {columns} FROM {table}{'' if from_index else ' NOT INDEXED'}"  # noqa: S608
         try:
-            return sorted(_within(self._database.execute(query), _size(self._database)), key=itemgetter(0))
+            size = prod(_first(self._database.execute(f"PRAGMA {name}")) for name in ("page_count", "page_size"))
+            return sorted(_within(self._database.execute(query), size), key=itemgetter(0))
         except sqlite3.DatabaseError as error:
             raise unusable("read", self.path, error) from error
 
@@ -328,11 +330,6 @@ def _within(rows: Iterable[tuple[Any, ...]], room: int) -> Iterator[tuple[Any, .
         if room < 0:
             raise sqlite3.DatabaseError("its rows say more than the file holds")
         yield row
-
-
-def _size(database: sqlite3.Connection) -> int:
-    pages, size = (_first(database.execute(f"PRAGMA {name}")) for name in ("page_count", "page_size"))
-    return pages * size
 
 
 def _first(rows: Iterable[tuple[Any, ...]]) -> int:

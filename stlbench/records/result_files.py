@@ -139,6 +139,14 @@ def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:
     return CellFiles(folder / TRACES / name, folder / POLICIES / name, (folder / LOGS / name).with_suffix(".log"))
 
 
+def discard_arrays(folder: Path, cell: CellId, key: str) -> None:
+    """Remove what a cell saved that has no result. A link is left alone."""
+    files = cell_files(folder, cell, key)
+    for file in (files.traces, files.policies):
+        if is_there(file, folder):
+            file.unlink()
+
+
 def end_of_name(key: str) -> str:
     """How the names of the arrays of a result end. The key of a stranger's result may look like a path."""
     return f"_{key[:12]}.npz".replace("/", "_")

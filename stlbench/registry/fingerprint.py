@@ -49,7 +49,7 @@ class Code:
             path = _path(name)
             if path is None or _digest(path) != digest:
                 return str(path or name)
-        packages = (name for name, version in self.packages if _version(name) != version)
+        packages = (name for name, version in self.packages if version_of(name) != version)
         return next(packages, None)
 
 
@@ -232,7 +232,7 @@ def _versions(top: str, packages: bool) -> dict[str, str] | None:
     if not _INSTALLED.intersection(place.parts):
         return None
     named = _distributions(top, place) if packages else ()
-    return {name: _version(name) for name in named} if named or not packages else None
+    return {name: version_of(name) for name in named} if named or not packages else None
 
 
 @lru_cache(maxsize=1024)
@@ -253,7 +253,7 @@ def _all_distributions() -> dict[str, list[str]]:
 
 
 @lru_cache(maxsize=1024)
-def _version(distribution: str) -> str:
+def version_of(distribution: str) -> str:
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

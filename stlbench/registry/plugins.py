@@ -172,7 +172,7 @@ def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
     """The path is what the answer depends on."""
     by_name = dict[str, Plugin]()
     found = [Plugin(kind, *entry) for entry in entries(f"stlbench.{kind}", _warn)]
-    for plugin in sorted(found, key=_precedence):
+    for plugin in sorted(found, key=lambda one: (one.name, not one.is_own, one.distribution, one.entry_point.value)):
         if not choices.NAME.fullmatch(plugin.name):
             _warn(f"{plugin} is ignored: a plugin's name consists of a-z, 0-9 and -, and does not begin with -")
         elif plugin.name in by_name:
@@ -180,10 +180,6 @@ def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
         else:
             by_name[plugin.name] = plugin
     return by_name
-
-
-def _precedence(plugin: Plugin) -> tuple[str, bool, str, str]:
-    return plugin.name, plugin.distribution != OWN, plugin.distribution, plugin.entry_point.value
 
 
 def _warn(message: str) -> None:

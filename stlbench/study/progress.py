@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from rich.console import Console
 from rich.text import Text
 
+from stlbench.errors import counted
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.result import ACCIDENTS, Result
 
@@ -99,7 +100,7 @@ class Progress:
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         total = done + len(missing)
         earlier = f", {done} of them done before" if done else ""
-        self.note(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
+        self.note(f"{counted(total, 'cell')}{earlier}")
         self.tally = Tally(missing, done)
         self.start(total, done)
 

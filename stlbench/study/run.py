@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.contract import Executor, Work
+from stlbench.errors import counted
 from stlbench.records import results_folder
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
@@ -173,8 +174,8 @@ def _left(
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:
     named = ", ".join(cell.name for cell in cells[:3]) + (", ..." if len(cells) > 3 else "")
-    text = f"{len(cells)} {'cell' if len(cells) == 1 else 'cells'} failed {attempts} times or more in a row"
-    return f"{text}, given up: {named}; --attempts with a greater number tries again"
+    text = f"{counted(len(cells), 'cell')} failed {attempts} times or more in a row, given up: {named}"
+    return f"{text}; --attempts with a greater number tries again"
 
 
 def _run(
