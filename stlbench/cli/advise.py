@@ -20,7 +20,8 @@ from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError, one_line
 from stlbench.records import results_folder
 from stlbench.registry import named_tasks, plugins
-from stlbench.report import Column, Table, Value, condense, evidence
+from stlbench.report import condense, evidence
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, schedules

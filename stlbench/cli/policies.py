@@ -20,8 +20,9 @@ from stlbench.records.identity import OUTSIDE
 from stlbench.records.result import Result, Score, plain_scores, reported
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.registry.named_tasks import task_of
-from stlbench.report import Column, Report, Table, Value, condense
+from stlbench.report import Report, condense
 from stlbench.report.tables.runs import scores_table
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.rescored import AS_RECORDED, CLAIMS_MORE, Rescored, score_question
 from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
 from stlbench.share.source import find_source

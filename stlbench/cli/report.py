@@ -22,8 +22,10 @@ from stlbench.records.result import NOT_RUN
 from stlbench.records.result_files import inside
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.report import Group, Report, Width, condense, groups_of, to_records, write
+from stlbench.report import Report, condense, groups_of, write
 from stlbench.report.page import require, write_page
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Width, to_records
 from stlbench.share.rescored import bundles_table, read_bundles
 from stlbench.simulation.faults import Question, plugins_of
 from stlbench.study.plugin_guard import ask, ask_one, load_guarded

@@ -21,7 +21,7 @@ from stlbench.records.result import reported
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import way_out
 from stlbench.records.upkeep import Merged, Verified
-from stlbench.report import Column, Table, Value
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.bundle import Checked, check
 from stlbench.share.rescored import CLAIMS_MORE, Rescored
 from stlbench.share.rescored import rescore as rescore_policies

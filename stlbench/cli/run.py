@@ -23,7 +23,8 @@ from stlbench.records.result_files import write
 from stlbench.registry import plugins
 from stlbench.registry.choices import LOCAL, Choice
 from stlbench.registry.named_tasks import task_of
-from stlbench.report import Column, Table, Value, groups_of, only, to_csv, to_screen
+from stlbench.report import groups_of, only
+from stlbench.report.tables.table import Column, Table, Value, to_csv, to_screen
 from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask

@@ -23,7 +23,7 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.result_files import inside
 from stlbench.registry.choices import parse_choice
 from stlbench.registry.named_tasks import parse_tasks, task_of
-from stlbench.report import Table
+from stlbench.report.tables.table import Table
 from stlbench.search import certify as certifying
 from stlbench.search import falsify as search
 from stlbench.search.actor import Actor, Unsearchable, foreign, of_cell, of_controller, of_policy

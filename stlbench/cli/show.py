@@ -23,8 +23,8 @@ from stlbench.records.result_files import cell_files, end_of_log, is_there
 from stlbench.registry import choices, plugins
 from stlbench.registry.choices import field_docs
 from stlbench.registry.plugins import Plugin
-from stlbench.report import Table
 from stlbench.report.tables.runs import scores_and_cost
+from stlbench.report.tables.table import Table
 from stlbench.study.results import Results
 from stlbench.study.study import json_schema
 

@@ -19,7 +19,7 @@ from stlbench.records.identity import Track, safe_line
 from stlbench.records.result import Score
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.report import Table, Value
+from stlbench.report.tables.table import Table, Value
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.simulation.baselines import Constants
 from stlbench.simulation.faults import Question, answers

@@ -12,7 +12,7 @@ from stlbench.cli.output import Json, show, table
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
-from stlbench.report import Column, Table, Value
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.simulation.baselines import replay
 from stlbench.simulation.referee import Recording
 from stlbench.task import load_task

@@ -11,23 +11,11 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean, one_line
-from stlbench.records import results_folder
+from stlbench.records import result_files, results_folder
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lines import is_lines
 from stlbench.records.result import ACCIDENTS, Result, Status
-from stlbench.records.result_files import (
-    POLICIES,
-    TRACES,
-    cell_files,
-    end_of_name,
-    inside,
-    is_there,
-    names,
-    opened,
-    to_read,
-    writing,
-)
 from stlbench.records.rows import checksums_beside
 from stlbench.records.schema import way_out
 
@@ -93,16 +81,16 @@ def verify(folder: Path) -> Verified:
 
 def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
     """A name ends in the beginning of a key. The plan has the key of a cell that was interrupted."""
-    known = {end_of_name(key) for key in keys}
+    known = {result_files.end_of_name(key) for key in keys}
     lengths = {len(end) for end in known}
-    for kind in (TRACES, POLICIES):
-        for name in names(folder / kind, folder, ".npz"):
+    for kind in (result_files.TRACES, result_files.POLICIES):
+        for name in result_files.names(folder / kind, folder, ".npz"):
             if not any(name[-length:] in known for length in lengths):
                 yield f"{kind}/{one_line(name)}"
 
 
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
-    paths, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
+    paths, there = result_files.cell_files(folder, result.id, result.key), checksums_beside(folder, result)
     for what, path in (("traces", paths.traces), ("policies", paths.policies)):
         if what in checksums and there.get(what) != checksums[what]:
             lacking = "is a link, or no file" if os.path.lexists(path) else "is missing"
@@ -115,7 +103,7 @@ def repair(folder: Path) -> Verified:
 
     Their results stay until then. Raises `UsageError` if the structure of the ledger is damaged.
     """
-    with writing(folder):
+    with result_files.writing(folder):
         checked = verify(folder)
         if checked.structure:
             raise UsageError(f"the ledger {folder / FILE} is damaged; {way_out(folder / FILE)}")
@@ -168,7 +156,7 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 def remove(folder: Path, cells: Collection[CellId]) -> None:
     """Take cells out. If results of other seeds stay, they are planned, so that tables say that a seed is missing;
     else what is planned of their setting goes too."""
-    with writing(folder), Ledger(folder / FILE, create=False) as ledger:
+    with result_files.writing(folder), Ledger(folder / FILE, create=False) as ledger:
         keys = ledger.counted()
         staying = {cell.setting for cell in keys.keys() - cells if cell.track != OUTSIDE}
         leaving = {cell.setting for cell in cells} - staying
@@ -180,8 +168,8 @@ def remove(folder: Path, cells: Collection[CellId]) -> None:
 def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     """Take one cell out, for what writes in the folder already."""
     for key in ledger.remove(cell):
-        for file in cell_files(folder, cell, key):
-            inside(file, folder).unlink(missing_ok=True)
+        for file in result_files.cell_files(folder, cell, key):
+            result_files.inside(file, folder).unlink(missing_ok=True)
 
 
 class Merged(NamedTuple):
@@ -207,7 +195,7 @@ def merge(into: Path, source: Path) -> Merged:
     results_folder.refuse_lines(into, "merge into a new folder, and export that")
     damaged = {(damage.key, damage.what) for damage in verify(source).damages}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
-    with writing(into), Ledger(into / FILE) as ledger:
+    with result_files.writing(into), Ledger(into / FILE) as ledger:
         present = {result.id: result for result in ledger.results()}
         for result in incoming:
             before = present.get(result.id)
@@ -250,10 +238,11 @@ def _plan(source: Path, ledger: Ledger) -> int:
 
 
 def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
-    here, there = cell_files(source, result.id, result.key), cell_files(into, result.id, result.key)
-    for kind, recorded in here._asdict().items():
+    cell = result.id, result.key
+    here, there = (result_files.cell_files(folder, *cell)._asdict() for folder in (source, into))
+    for kind, recorded in here.items():
         if (result.key, kind) in damaged:
             yield str(recorded)
-        elif is_there(recorded, source):
-            with to_read(recorded, source) as content, opened(getattr(there, kind), into) as copy:
+        elif result_files.is_there(recorded, source):
+            with result_files.to_read(recorded, source) as content, result_files.opened(there[kind], into) as copy:
                 shutil.copyfileobj(content, copy)

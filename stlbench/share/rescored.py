@@ -14,7 +14,7 @@ from stlbench.records.array_files import Which
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
-from stlbench.report import Column, Table, Value
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.bundle import METADATA, About, check, read_metadata, results_in, unpacked
 from stlbench.simulation.faults import Question, Unanswered, plugins_of
 from stlbench.simulation.referee import Referee

@@ -17,7 +17,8 @@ from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, CurvePoint, Meas
 if TYPE_CHECKING:
     import pandas as pd
 
-    from stlbench.report import Report, Table
+    from stlbench.report import Report
+    from stlbench.report.tables.table import Table
     from stlbench.study.policies import LoadedPolicy
 
 _OF_CELL = {name: datum for name, datum in SCHEMA.items() if "score." not in datum.path}
@@ -207,7 +208,7 @@ class Results:
 def _frame(table: Table) -> pd.DataFrame:
     import pandas as pd
 
-    from stlbench.report import to_records
+    from stlbench.report.tables.table import to_records
 
     titles = [title for column in table.columns for title in column.headings]
     return pd.DataFrame(to_records(table), columns=titles)

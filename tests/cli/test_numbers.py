@@ -15,8 +15,8 @@ from stlbench.cli import advise, policies, results, run, suite
 from stlbench.contract.task import SuiteScores
 from stlbench.records.identity import CellId
 from stlbench.registry.choices import Choice
-from stlbench.report import Table, to_records
 from stlbench.report.figures.margins import worst_table
+from stlbench.report.tables.table import Table, to_records
 from stlbench.share.bundle import About
 from stlbench.share.rescored import Bundle, Rescored, bundles_table
 from stlbench.simulation.verdicts import Loss

@@ -11,7 +11,8 @@ from helpers.synthetic_results import result
 from stlbench import Results
 from stlbench.gate.snapshot import gather, load, save
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.report import Report, condense, to_csv
+from stlbench.report import Report, condense
+from stlbench.report.tables.table import to_csv
 from stlbench.study.logs import logged
 
 
