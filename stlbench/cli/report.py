@@ -315,8 +315,7 @@ def render(
     chosen = Start(start_index, None if start is None else parse_start(start))
     result = Results.load(run).cell(cell, budget)
     if result.measurement is None:
-        reason = f": {result.reason}" if result.reason else ""
-        raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
+        raise UsageError(f"{result.id.name} has no policy to film: {result.how}")
     arguments = (run, result, which, chosen, form, out or inside(run / "films", run))
     filmed = ask_one(Question(film_cell, arguments, plugins_of(result.id), f"{result.id.name} cannot be filmed"))
     for remark in filmed.remarks:

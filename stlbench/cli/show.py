@@ -120,8 +120,8 @@ def method(
 
 def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
     return {
-        name: {"type": text} | ({} if default is inspect.Parameter.empty else {"default": default})
-        for name, (text, default) in plugins.parameters(plugin).items()
+        name: {"type": each.text} | ({} if each.default is inspect.Parameter.empty else {"default": each.default})
+        for name, each in plugins.parameters(plugin).items()
     }
 
 

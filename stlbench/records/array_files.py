@@ -137,7 +137,7 @@ def read_policy(results: Path, result: Result, which: Which) -> Arrays:
     """The arrays of a cell's policy. Raises `UsageError` if they are missing, or not those that were recorded."""
     name, measured = result.id.name, result.measurement
     if measured is None:
-        raise UsageError(f"{name} has no policy: {': '.join(filter(None, (result.status, result.reason)))}")
+        raise UsageError(f"{name} has no policy: {result.how}")
     if measured.policies is None:
         raise UsageError(f"{name} has no stored policy: {_why_none(result)}")
     path, policies = cell_files(results, result.id, result.key).policies, measured.policies

@@ -268,15 +268,8 @@ def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
     return loaded, problems
 
 
-def parameters(plugin: Plugin) -> dict[str, tuple[str, Any]]:
-    """Parameter -> (type as text, default), in the constructor's order; `inspect.Parameter.empty` is no default.
-
-    Raises `PluginError` if the plugin cannot be loaded.
-    """
-    return {name: (entry.text, entry.default) for name, entry in _declared(plugin).items()}
-
-
-def _declared(plugin: Plugin) -> dict[str, choices.Parameter]:
+def parameters(plugin: Plugin) -> dict[str, choices.Parameter]:
+    """The parameters in the constructor's order. Raises `PluginError` if the plugin cannot be loaded."""
     kind = plugin.load()
     try:
         return choices.declared(kind)
@@ -292,7 +285,7 @@ def check(
     `origin` ends the message about a wrong value among the `defaults`.
     """
     plugin = find(kind, choice.name)
-    return choices.check(_declared(plugin), choice, defaults, origin)
+    return choices.check(parameters(plugin), choice, defaults, origin)
 
 
 def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None) -> Any:

@@ -153,7 +153,7 @@ def describe(result: Result) -> str:
     """One line: name, status, and the two numbers that matter, or the reason."""
     name = result.id.name
     if result.measurement is None:
-        return f"{name} {result.status}: {result.reason}" if result.reason else f"{name} {result.status}"
+        return f"{name} {result.how}"
     score = result.measurement.score
     return (
         f"{name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "

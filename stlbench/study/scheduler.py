@@ -66,10 +66,8 @@ def outcomes(
 
     Raises `UsageError` if it raises anything, or gives no generator with an outcome for each item.
     """
-    left, rule = (
-        set(range(len(items))),
-        f"its run should be a generator with one outcome for each of {len(items)} items",
-    )
+    left = set(range(len(items)))
+    rule = f"its run should be a generator with one outcome for each of {len(items)} items"
     with failing(executor):
         ended = executor.run(function, items, deadlines)
     if not isinstance(ended, Generator):
