@@ -26,7 +26,7 @@ import psutil
 from matplotlib.figure import Figure
 
 from stlbench.records import results_folder
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.report.figures.files import save_svg
 from stlbench.report.figures.style import COLOURS, styled
@@ -86,7 +86,7 @@ def engine_costs(folder: Path, text: str) -> dict[str, float]:
 def ledger_cost(folder: Path, result: Result) -> float:
     """Wall seconds to check a result and to record it durably: the median of many, on the disk of the folder."""
     took = list[float]()
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         for number in range(CELLS):
             begin = time.perf_counter()
             ledger.record(from_json(to_json(replace(result, key=f"{number:032x}"))))

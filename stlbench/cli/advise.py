@@ -19,7 +19,7 @@ from stlbench.cli.output import Json, show, table
 from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError, one_line
 from stlbench.records import results_folder
-from stlbench.registry import named_tasks, plugins
+from stlbench.registry import plugins
 from stlbench.report import condense, evidence
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.schedules.plan import UnscheduledError
@@ -41,7 +41,7 @@ def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, An
     trained = [
         evidence.Trained(traits(stl.parse(each.formula)), each.scores)
         for plugin in plugins.available("suites").values()
-        for each in named_tasks.made(plugin).scores()
+        for each in plugins.made(plugin).scores()
     ]
     form = traits(formula)
     found = evidence.alike(form, trained, methods)

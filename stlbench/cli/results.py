@@ -16,7 +16,7 @@ from stlbench.cli.options import Folder
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError, counted, one_line
 from stlbench.records import upkeep
-from stlbench.records.ledger import FILE
+from stlbench.records.ledger import LEDGER
 from stlbench.records.result import reported
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import way_out
@@ -169,7 +169,7 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
     if verified.structure:
         first, more = one_line(verified.structure[0]), len(verified.structure) - 1
         others = f" (and {more} more such lines)" if more else ""
-        yield f"{folder / FILE} is damaged: {first}{others}; {way_out(folder / FILE)}"
+        yield f"{folder / LEDGER} is damaged: {first}{others}; {way_out(folder / LEDGER)}"
         return
     damaged, strays = len({damage.key for damage in verified.damages}), verified.strays
     yield from (f"{damage.name}: {damage.what}: {damage.problem}" for damage in verified.damages)

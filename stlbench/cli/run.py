@@ -17,7 +17,7 @@ from stlbench.cli.output import console
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import ACCIDENTS, Result, accidents_of
 from stlbench.records.result_files import write
 from stlbench.registry import plugins
@@ -102,7 +102,7 @@ def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator
 
 
 def _recorded(cells: Sequence[Cell], folder: Path) -> str:
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         count = len(ledger.finished(cell.key for cell in cells))
     return f"{count} of {len(cells)} cells are recorded in {folder}/"
 
@@ -243,7 +243,7 @@ def _run(
     planned.update((cell.id, cell) for cell in cells)
     place = build_executor(study.executor, study.jobs)
     run_cells(cells, study.results, place, retry=study.retry, attempts=study.attempts, progress=progress)
-    with Ledger(study.results / FILE, create=False) as ledger:
+    with Ledger(study.results / LEDGER, create=False) as ledger:
         return {result.id: result for result in ledger.results_of(cell.id for cell in cells)}
 
 

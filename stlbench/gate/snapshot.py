@@ -22,7 +22,7 @@ from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import lines, results_folder
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell, adapter
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, TASK_FOLDER, Result, Status
 from stlbench.records.result_files import LINES, csv_text, followed, read, to_read, write
 from stlbench.records.schema import is_sqlite
@@ -162,7 +162,7 @@ def load(path: Path) -> Snapshot:
     if (path / TABLE).is_file():
         return _table(path / TABLE)
     if path.is_dir():
-        raise UsageError(f"{path} has neither {FILE} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
+        raise UsageError(f"{path} has neither {LEDGER} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
     return _results(path)
 
 
@@ -263,5 +263,5 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
 def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Listener | None = None) -> Snapshot:
     """Run the cells without a result in the folder, or with one of other code."""
     run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         return gather(ledger.results_of(cell.id for cell in cells))

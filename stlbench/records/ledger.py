@@ -21,7 +21,7 @@ from stlbench.records.result import ACCIDENTS, Result, Status, plain
 from stlbench.records.rows import OTHER, Inspected, LedgerWarning, Row, cell_of, result_of, texts, values
 from stlbench.records.schema import COLUMNS, LISTED, VERSION, is_damaged, is_sqlite, opened, unusable
 
-FILE = "ledger.sqlite"  # its name in a folder of results
+LEDGER = "ledger.sqlite"  # its name in a folder of results
 _IDENTITY = ", ".join(IDENTITY)
 
 

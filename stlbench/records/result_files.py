@@ -208,7 +208,7 @@ def end_of_log(log: Path, folder: Path, lines: int = 20) -> list[str]:
     return printable(text).splitlines()[-lines:]
 
 
-FILE = ".lock"  # its name in a folder of results. It stays there; what counts is whether a process holds it.
+_LOCK = ".lock"  # its name in a folder of results. It stays there; what counts is whether a process holds it.
 _PATIENCE = 0.5  # seconds for which a lock is tried
 
 
@@ -218,7 +218,7 @@ def writing(folder: Path) -> Iterator[None]:
 
     Raises `UsageError` if another process holds it, with its name, or if the folder cannot be written.
     """
-    path = folder / FILE
+    path = folder / _LOCK
     try:
         inside(path, folder).parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
@@ -233,7 +233,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 def writer(folder: Path) -> str | None:
     """The writer in the folder: "process 12 on host, since ..."; None if nobody does, or without locks."""
-    path = folder / FILE
+    path = folder / _LOCK
     if not is_there(path, folder):  # a pipe would be waited for
         return None
     with suppress(FileNotFoundError, PermissionError), to_read(path, folder) as file:

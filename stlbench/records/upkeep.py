@@ -13,7 +13,7 @@ from typing import NamedTuple, get_args
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records import result_files, results_folder
 from stlbench.records.identity import OUTSIDE, CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import is_lines
 from stlbench.records.result import ACCIDENTS, Result, Status
 from stlbench.records.rows import checksums_beside
@@ -52,7 +52,7 @@ def verify(folder: Path) -> Verified:
     """Check all that is recorded in a folder; nothing is written. Raises `UsageError` without results."""
     if (file := results_folder.locate(folder)) is not None and is_lines(file):
         return Verified(sum(1 for _ in results_folder.read(folder)), 0, (), (), 0)
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         if problems := ledger.problems():
             return Verified(0, 0, tuple(problems), (), 0)
         damages, there, rows, files, marked = list[Damage](), set[str](), 0, 0, 0
@@ -106,9 +106,9 @@ def repair(folder: Path) -> Verified:
     with result_files.writing(folder):
         checked = verify(folder)
         if checked.structure:
-            raise UsageError(f"the ledger {folder / FILE} is damaged; {way_out(folder / FILE)}")
+            raise UsageError(f"the ledger {folder / LEDGER} is damaged; {way_out(folder / LEDGER)}")
         if checked.damages:
-            with Ledger(folder / FILE) as ledger:
+            with Ledger(folder / LEDGER) as ledger:
                 for damage in checked.damages:
                     ledger.mark(damage.key, damage.own_key or damage.key)
     return checked
@@ -129,7 +129,7 @@ def choose(
     for status in statuses or ():
         if status not in get_args(Status):
             raise UsageError(f"no status '{status}'{did_you_mean(status, get_args(Status))}")
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         results = list(ledger.results())
     if names:
         known = {result.id.name for result in results}
@@ -141,7 +141,7 @@ def choose(
         if (not statuses or result.status in statuses) and budget in (None, result.id.budget)
     ]
     if not chosen:
-        raise UsageError(f"no such cell in {folder / FILE}")
+        raise UsageError(f"no such cell in {folder / LEDGER}")
     return chosen
 
 
@@ -156,7 +156,7 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 def remove(folder: Path, cells: Collection[CellId]) -> None:
     """Take cells out. If results of other seeds stay, they are planned, so that tables say that a seed is missing;
     else what is planned of their setting goes too."""
-    with result_files.writing(folder), Ledger(folder / FILE, create=False) as ledger:
+    with result_files.writing(folder), Ledger(folder / LEDGER, create=False) as ledger:
         keys = ledger.counted()
         staying = {cell.setting for cell in keys.keys() - cells if cell.track != OUTSIDE}
         leaving = {cell.setting for cell in cells} - staying
@@ -195,7 +195,7 @@ def merge(into: Path, source: Path) -> Merged:
     results_folder.refuse_lines(into, "merge into a new folder, and export that")
     damaged = {(damage.key, damage.what) for damage in verify(source).damages}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
-    with result_files.writing(into), Ledger(into / FILE) as ledger:
+    with result_files.writing(into), Ledger(into / LEDGER) as ledger:
         present = {result.id: result for result in ledger.results()}
         for result in incoming:
             before = present.get(result.id)

@@ -8,7 +8,7 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,7 +21,7 @@ from stlbench.errors import DISTRIBUTION, UsageError, cause, did_you_mean, one_l
 from stlbench.registry import choices, fingerprint
 from stlbench.registry.breaches import breach, misfit
 from stlbench.registry.choices import Choice
-from stlbench.registry.exits import exits_raise, importing
+from stlbench.registry.exits import exits_raise, importing, interrupts_raise
 
 
 def entries(group: str, warn: Callable[[str], None]) -> Iterator[tuple[str, str, str, EntryPoint]]:
@@ -197,11 +197,70 @@ def find(kind: str, name: str) -> Plugin:
 def known(kind: str, name: str) -> Plugin | None:
     """The plugin of that name, or the task that a suite has; None where there is none."""
     plugin = available(kind).get(name)
-    if plugin is None and kind == "tasks":
-        from stlbench.registry import named_tasks  # which are plugins
+    return suite_task(name) if plugin is None and kind == "tasks" else plugin
 
-        return named_tasks.task(name)
-    return plugin
+
+@dataclass(frozen=True)
+class SuitePlugin(Plugin):
+    """A task of a suite, in the place of an entry point."""
+
+    suite: Plugin
+    member: str  # its name within the suite: unicycle/sequence/7
+
+    @property
+    def file(self) -> str:
+        return self._made.file
+
+    def _imported(self) -> object:
+        return self._made.system
+
+    @property
+    def _made(self) -> contract.SuiteTask:
+        task = made(self.suite).task(self.member)
+        if not (isinstance(task, contract.SuiteTask) and isinstance(task.file, str)):
+            raise PluginError(f"{self.suite}: task({self.member!r}) gives no SuiteTask with the text of a file")
+        return task
+
+
+def made(plugin: Plugin) -> contract.Suite:
+    """The suite. Raises `PluginError` where it breaks its contract, or what it is asked first raises."""
+    return _made(plugin)[0]
+
+
+@lru_cache
+def _made(plugin: Plugin) -> tuple[contract.Suite, Mapping[str, str]]:
+    """The suite with the names of its tasks: as a task, without that of the suite -> within the suite."""
+    try:
+        with interrupts_raise():
+            suite = cast(contract.Suite, plugin.load()())
+            names, splits, problem = suite.names, suite.splits, breach(suite)
+            if not problem and (wrong := [name for name in names if not _is_name(name)]):
+                problem = f"its names have {wrong[0]!r}, the contract says parts of a-z, 0-9 and - with slashes between"
+            known = set() if problem else {*names}
+            for split in () if problem else splits:
+                if not isinstance(splits[split], Sequence) or {*splits[split]} - known:
+                    problem = f"its split {split!r} has what is none of its names"
+    except PluginError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{plugin} cannot be asked for its tasks: {cause(error)}") from error
+    if problem:
+        raise PluginError(f"{plugin}: {one_line(problem)}")
+    return suite, {name.replace("/", "-"): name for name in names}
+
+
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and all(map(choices.NAME.fullmatch, name.split("/")))
+
+
+def suite_task(name: str) -> SuitePlugin | None:
+    """The plugin of the task `suite-unicycle-sequence-7`; None where no suite has it."""
+    for suite in available("suites").values():
+        if name.startswith(f"{suite.name}-"):
+            member = _made(suite)[1].get(name.removeprefix(f"{suite.name}-"))
+            if member is not None:
+                return SuitePlugin("tasks", name, suite.distribution, suite.version, suite.entry_point, suite, member)
+    return None
 
 
 def _about(kind: str, word: str) -> list[str]:

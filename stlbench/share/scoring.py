@@ -13,7 +13,7 @@ from stlbench.errors import UsageError
 from stlbench.records import array_files, results_folder, upkeep
 from stlbench.records.array_files import Assessment
 from stlbench.records.identity import OUTSIDE, CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.observation import Observation
 from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Score
 from stlbench.records.result_files import cell_files, inside, writing
@@ -204,7 +204,7 @@ def record(folder: Path, entry: Entry) -> Result | None:
     """
     result = entry.result
     results_folder.refuse_lines(folder, "say another folder by --results")
-    with writing(folder), Ledger(folder / FILE) as ledger:
+    with writing(folder), Ledger(folder / LEDGER) as ledger:
         before = next((each for each in ledger.results() if each.id == result.id), None)
         if before is not None:
             upkeep.take_out(folder, ledger, before.id)

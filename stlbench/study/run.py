@@ -17,7 +17,7 @@ from stlbench.contract import Executor, Work
 from stlbench.errors import counted
 from stlbench.records import results_folder
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import Result, Status
 from stlbench.records.result_files import cell_files, writing
 from stlbench.study import scheduler, trial
@@ -66,7 +66,7 @@ def run_study(
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     with listening(progress) as listener:
         cells = run_missing(described, listener, until)
-    with Ledger(described.folder / FILE, create=False) as ledger:
+    with Ledger(described.folder / LEDGER, create=False) as ledger:
         return Results.of(ledger.results_of(cell.id for cell in cells), described.folder)
 
 
@@ -119,9 +119,9 @@ def run_cells(
     """
     progress, provenance = progress or Silent(), collect(executor.jobs)
     look = partial(_left, cells, retry, attempts, keep_old, until, provenance)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         checked = check_cells(look(ledger).missing)
-    with writing(folder), Ledger(folder / FILE) as ledger:
+    with writing(folder), Ledger(folder / LEDGER) as ledger:
         results_folder.take_over(folder, ledger)
         left = look(ledger)
         ledger.plan({cell.key: cell.id for cell in cells})

@@ -60,7 +60,7 @@ def test_what_drawn_formulas_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> N
     scores = {"raw": [0.2, 0.4], "funnel": [0.7, 0.8]}
     one_suite = SimpleNamespace(scores=lambda: [SuiteScores("F[0,5] G[0,2] x >= 1", scores)] * 9)
     monkeypatch.setattr(advise.plugins, "available", lambda kind: {"made": one_suite})
-    monkeypatch.setattr(advise.named_tasks, "made", lambda plugin: plugin)
+    monkeypatch.setattr(advise.plugins, "made", lambda plugin: plugin)
     drawn = advise.drawn_evidence(stl.parse("F[0,50] G[0,9] norm(x, y) <= 1"), ("raw", "funnel"))
     table = advise.evidence_text(drawn)
     assert isinstance(table, Table)

@@ -16,7 +16,7 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files, lines, results_folder, schema
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import cell_files
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.upkeep import repair, verify
@@ -27,11 +27,11 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 
 @pytest.fixture
 def ledger(tmp_path: Path) -> Path:
-    with Ledger(tmp_path / FILE) as made:
+    with Ledger(tmp_path / LEDGER) as made:
         for seed in range(3):
             made.record(result(seed=seed))
         made.plan_also({f"planned-{seed}": result(seed=seed).id for seed in range(3, 9)})
-    return tmp_path / FILE
+    return tmp_path / LEDGER
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from helpers.scripted_cells import Here
 
 from stlbench.errors import DiskFull, UsageError, unwritable
 from stlbench.records import array_files
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.study import run
 
 pytestmark = pytest.mark.usefixtures("scripted")
@@ -36,7 +36,7 @@ def study(folder, *methods, **words):
 
 
 def recorded(folder):
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         return len(list(ledger.results()))
 
 
@@ -87,7 +87,7 @@ def pretend(cell, folder):
 
 def test_what_a_plugin_says_of_a_full_disk_is_a_failure_of_its_cell(tmp_path):
     study(tmp_path, "a", "b", "c", "d", run_cell=pretend)
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         found = {result.id.seed: (result.status, result.reason) for result in ledger.results()}
     assert [found[seed][0] for seed in range(4)] == ["unsuitable", "raised", "raised", "unsuitable"]
     assert found[1][1] == "OSError: [Errno 28] No space left on device"
