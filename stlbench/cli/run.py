@@ -29,7 +29,7 @@ from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask
 from stlbench.study.progress import Progress, Tally, duration
-from stlbench.study.run import missing_cells, run_cells, run_missing
+from stlbench.study.run import missing_cells, results_of, run_cells, run_missing
 from stlbench.study.scheduler import build_executor
 from stlbench.study.study import Study, read_choices
 from stlbench.study.tuning import Entrant, Trial, entrants, search
@@ -243,8 +243,7 @@ def _run(
     planned.update((cell.id, cell) for cell in cells)
     place = build_executor(study.executor, study.jobs)
     run_cells(cells, study.results, place, retry=study.retry, attempts=study.attempts, progress=progress)
-    with Ledger(study.results / LEDGER, create=False) as ledger:
-        return {result.id: result for result in ledger.results_of(cell.id for cell in cells)}
+    return {result.id: result for result in results_of(cells, study.results)}
 
 
 def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:

@@ -22,7 +22,7 @@ from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.records import lines, results_folder
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell, adapter
-from stlbench.records.ledger import LEDGER, Ledger
+from stlbench.records.ledger import LEDGER
 from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, TASK_FOLDER, Result, Status
 from stlbench.records.result_files import LINES, csv_text, followed, read, to_read, write
 from stlbench.records.schema import is_sqlite
@@ -31,7 +31,7 @@ from stlbench.study.cell import Cell
 from stlbench.study.logs import Listener
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE
-from stlbench.study.run import run_cells
+from stlbench.study.run import results_of, run_cells
 
 Floats = NDArray[np.float64]
 _PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ from cell to cell
@@ -263,5 +263,4 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
 def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Listener | None = None) -> Snapshot:
     """Run the cells without a result in the folder, or with one of other code."""
     run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
-    with Ledger(folder / LEDGER, create=False) as ledger:
-        return gather(ledger.results_of(cell.id for cell in cells))
+    return gather(results_of(cells, folder))

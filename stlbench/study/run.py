@@ -6,7 +6,7 @@ looked up once more, as another process may have written meanwhile, and runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -66,8 +66,13 @@ def run_study(
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     with listening(progress) as listener:
         cells = run_missing(described, listener, until)
-    with Ledger(described.folder / LEDGER, create=False) as ledger:
-        return Results.of(ledger.results_of(cell.id for cell in cells), described.folder)
+    return Results.of(results_of(cells, described.folder), described.folder)
+
+
+def results_of(cells: Iterable[Cell], folder: Path) -> list[Result]:
+    """The results that the folder's ledger has of these cells."""
+    with Ledger(folder / LEDGER, create=False) as ledger:
+        return list(ledger.results_of(cell.id for cell in cells))
 
 
 def run_missing(study: Study, progress: Listener | None = None, until: Until | None = None) -> tuple[Cell, ...]:
