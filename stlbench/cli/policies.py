@@ -114,8 +114,7 @@ def score_cell(
     result = Results.load(results).cell(cell, budget)
     task = on or result.id.task
     scores = ask_one(score_question(task, result, results, which))
-    assert result.measurement is not None
-    recorded = result.measurement.selected if which == "selected" else result.measurement.final
+    recorded = result.measured.selected if which == "selected" else result.measured.final
     as_recorded, verdict = None, "another task than its own"
     if task == result.id.task:
         verdict = Rescored(result.id, recorded, scores).verdict
@@ -148,14 +147,13 @@ def _warn_of_ends(scores: Mapping[str, Score]) -> None:
 
 def _text(result: Result, results: Path) -> Iterator[str | Table]:
     """The score, and the row beside the cells of its task."""
-    assert result.measurement is not None
     yield f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}"
     if observation := result.provenance.get("observation"):
         yield f"It is shown {observation} (--on {result.provenance['on']})"
     if moved := result.provenance.get("moved"):
         warn(f"{moved}; --actions FILE gives it actions of its own")
-    yield scores_table({"": result.measurement.selected})
-    _warn_of_ends(result.measurement.selected)
+    yield scores_table({"": result.measured.selected})
+    _warn_of_ends(result.measured.selected)
     groups = condense(each for each in results_folder.read(results) if each.id.task == result.id.task)
     yield Report(groups, {}).robustness
     counts = sorted({count for group in groups for count in group.values("starts")})
@@ -196,8 +194,7 @@ def list_policies(results: Kept = None, as_json: Json = False) -> None:
 
 
 def _facts(result: Result) -> dict[str, Any]:
-    assert result.measurement is not None
-    cell, score = result.id, result.measurement.score
+    cell, score = result.id, result.measured.score
     numbers = {"robustness": score.mean, "satisfaction": score.satisfaction, "starts": score.starts}
     return {"cell": cell.name, "budget": cell.budget, "track": cell.track, **numbers, "key": result.key}
 

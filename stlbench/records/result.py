@@ -323,6 +323,12 @@ class Result:
     """Versions, machine, jobs, time: facts that may explain a result and are no part of its key."""
 
     @property
+    def measured(self) -> Measurement:
+        """The measurement, of a cell that is done."""
+        assert self.measurement is not None
+        return self.measurement
+
+    @property
     def how(self) -> str:
         """The end of the cell: "raised: ValueError: no luck"."""
         return f"{self.status}: {self.reason}" if self.reason else self.status

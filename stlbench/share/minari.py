@@ -92,9 +92,8 @@ def _write(folder: Path, group: Sequence[Result], name: str, place: Path) -> Pat
     buffers, labels = list[EpisodeBuffer](), list[dict[str, Any]]()
     for result in group:
         played = ask_one(Question(play, (folder, result), plugins_of(result.id), f"{result.id.name} cannot act"))
-        assert result.measurement is not None
-        assert result.measurement.policies is not None
-        made_by = {"cell": result.id.name, "policy": result.measurement.policies.selected}
+        assert result.measured.policies is not None
+        made_by = {"cell": result.id.name, "policy": result.measured.policies.selected}
         for episode in played.episodes:
             buffers.append(_buffer(EpisodeBuffer, episode))
             labels.append({"robustness": episode.robustness, "satisfied": episode.satisfied, **made_by})

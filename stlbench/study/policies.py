@@ -68,9 +68,8 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
     policy is stored, or it differs from the record, or its plugins are missing or show and take other things now.
     """
     arrays, name = read_policy(folder, result, which), result.id.name
-    assert result.measurement is not None
-    assert result.measurement.policies is not None
-    stored, cell = result.measurement.policies, result.id
+    assert result.measured.policies is not None
+    stored, cell = result.measured.policies, result.id
     task = own_task(cell, stored) if on is None else on
     try:
         method = build_method(task, cell.method)
