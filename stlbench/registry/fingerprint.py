@@ -244,11 +244,12 @@ def _distributions(top: str, place: Path) -> tuple[str, ...]:
             return (named.metadata["Name"],)
     except metadata.PackageNotFoundError:
         pass
-    return tuple(sorted(set(_all_distributions().get(top, ()))))
+    return tuple(sorted(set(all_distributions().get(top, ()))))
 
 
 @lru_cache(maxsize=1)
-def _all_distributions() -> dict[str, list[str]]:
+def all_distributions() -> dict[str, list[str]]:
+    """Top-level module -> the distributions that have it."""
     return dict(metadata.packages_distributions())
 
 

@@ -295,7 +295,7 @@ def blamed(error: BaseException) -> str | None:
 
 
 @contextmanager
-def blaming(who: str) -> Iterator[None]:
+def guarded(who: str) -> Iterator[None]:
     """An error in a plugin's code is a `UsageError` that begins with who it was; `Unsuitable` says the rest itself."""
     try:
         yield

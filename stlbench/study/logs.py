@@ -30,7 +30,7 @@ def build_logs(choices: Iterable[Choice]) -> dict[str, RunLog]:
     """The logs by name. Raises `UsageError` where one cannot be made."""
     logs = dict[str, RunLog]()
     for choice in choices:
-        with plugins.blaming(f"log '{choice}'"):
+        with plugins.guarded(f"log '{choice}'"):
             logs[str(choice)] = plugins.build("logs", choice)
     return logs
 

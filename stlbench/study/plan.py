@@ -135,10 +135,10 @@ def check_cells(cells: Iterable[Cell]) -> Checked:
     alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in planned}
     for cell in alike.values():  # whatever its method and seed
         task, agent = cell.load_task(), cell.id.agent
-        with plugins.blaming(f"agent {agent}"):
+        with plugins.guarded(f"agent {agent}"):
             agents.append((agent, build_agent(task, agent)))
         if (arrays := initial.arrays_of(cell)) is not None:
-            with plugins.blaming(f"--init {cell.init} on task {task.name}"):
+            with plugins.guarded(f"--init {cell.init} on task {task.name}"):
                 initial.refuse_other(arrays, agents[-1][1], agent.name, task)
         if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None

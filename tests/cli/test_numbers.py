@@ -42,7 +42,7 @@ def test_what_results_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> None:
         result(budget="smoke", robustness=(9.0,), env_steps=9),
         result("raw", agent="other", robustness=(9.0,)),
     ]
-    monkeypatch.setattr(advise.stored, "read", lambda folder: results)
+    monkeypatch.setattr(advise.results_folder, "read", lambda folder: results)
     known = advise._known(load_task("hold-disc"), Path("none"))
     assert known == {"funnel": {"budget": "quick", "seeds": 2, "satisfaction": 0.875, "robustness": 0.6875}}
     row = {"method": "funnel", "inputs": 2, "memory": 3, "also": ["ends"], "extension": None, "known": known["funnel"]}

@@ -100,10 +100,10 @@ def packages(site, monkeypatch):
 
     def install(files):
         monkeypatch.syspath_prepend(site("acme", "", files) / "site-packages")
-        fingerprints._all_distributions.cache_clear()
+        fingerprints.all_distributions.cache_clear()
 
     yield install
-    fingerprints._all_distributions.cache_clear()
+    fingerprints.all_distributions.cache_clear()
 
 
 def test_installed_distributions_count_by_version_and_pythons_own_do_not(packages):
