@@ -12,9 +12,6 @@ from types import ModuleType
 
 import stlbench
 
-__all__ = ["NO_SPACE", "DiskFull", "UsageError", "did_you_mean", "in_words", "unwritable"]
-
-
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a disk, or a quota, that is full."""
 

@@ -53,10 +53,6 @@ class Code:
         return next(packages, None)
 
 
-def fingerprint(module: str) -> str:
-    return code_of(module).digest
-
-
 def code_of(module: str, *, packages: bool = True) -> Code:
     """The code of a module: itself, the packages that it lies in, what these import by name, and so on.
 

@@ -347,13 +347,15 @@ def check(
     return choices.check(parameters(plugin), choice, defaults, origin)
 
 
-def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None) -> Any:
+def build(
+    kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None, origin: str = " in the recipe"
+) -> Any:
     """Make what the user chose: load the class, check the parameters, call it.
 
-    The constructor gets `args`, as the contract of this kind says, and the `defaults` of a recipe, which the choice's
-    parameters override. Raises `UsageError` if the plugin cannot be loaded or a parameter is wrong.
+    The constructor gets `args`, as the contract of this kind says, and the `defaults`, which the choice's parameters
+    override; `origin` as for `check`. Raises `UsageError` if the plugin cannot be loaded or a parameter is wrong.
     """
-    keywords, plugin = check(kind, choice, defaults), find(kind, choice.name)
+    keywords, plugin = check(kind, choice, defaults, origin), find(kind, choice.name)
     loaded = plugin.load()
     if problem := misfit(loaded, args, keywords):
         raise plugin.error(problem)

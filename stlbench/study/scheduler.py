@@ -107,14 +107,10 @@ def build_executor(choice: Choice | str = LOCAL, jobs: int | None = None, memory
 
     Raises `UsageError` if there is no such executor, it cannot run here, or a parameter is wrong.
     """
-    text = chosen = executor_of(choice)
-    if memory is not None:
-        chosen = Choice(text.name, tuple({"memory": memory, **dict(text.parameters)}.items()))
-    try:
-        with failing(chosen.name):
-            return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
-    except UsageError as error:
-        raise UsageError(str(error).replace(str(chosen), str(text))) from error  # by the name that the user gave it
+    chosen = executor_of(choice)
+    given = {name: value for name, value in (("jobs", jobs), ("memory", memory)) if value is not None}
+    with failing(chosen.name):
+        return cast(Executor, plugins.build("executors", chosen, defaults=given, origin=""))
 
 
 @contextmanager
