@@ -111,16 +111,15 @@ def run_cells(
     keep_old: bool | None = None,
     progress: Listener | None = None,
     until: Until | None = None,
-    run_cell: Callable[..., Result] | None = None,
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
 
     The plan is recorded first, so that a report knows what an interrupted study lacks. An interrupt
     (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on. Cells that ended
     as `retry` says run again, unless they failed `attempts` times in a row. `keep_old` counts results of other code as
-    done. Nothing runs after a result of which `until` is true, also one from before. `run_cell` stands for
-    `trial.run_cell`. Raises `UsageError` if a plugin cannot be loaded, or the ledger is none, or another process writes
-    in the folder; then nothing ran, and nothing was written.
+    done. Nothing runs after a result of which `until` is true, also one from before. Raises `UsageError` if a plugin
+    cannot be loaded, or the ledger is none, or another process writes in the folder; then nothing ran, and nothing was
+    written.
     """
     progress, provenance = progress or Silent(), collect(executor.jobs)
     look = partial(_left, cells, retry, attempts, keep_old, until, provenance)
@@ -136,7 +135,7 @@ def run_cells(
         for agent, work in uncompiled(checked.agents, left.missing):
             progress.note(f"compiling {agent}, once per machine")
             work()
-        with closing(_run(left.missing, folder, ledger, executor, provenance, run_cell or trial.run_cell)) as results:
+        with closing(_run(left.missing, folder, ledger, executor, provenance)) as results:
             for result in results:
                 progress.ended(result)
                 if until is not None and until(result):
@@ -184,16 +183,11 @@ def _given_up(cells: Sequence[CellId], attempts: int) -> str:
 
 
 def _run(
-    cells: Sequence[Cell],
-    folder: Path,
-    ledger: Ledger,
-    executor: Executor,
-    provenance: Mapping[str, str],
-    run_cell: Callable[..., Result],
+    cells: Sequence[Cell], folder: Path, ledger: Ledger, executor: Executor, provenance: Mapping[str, str]
 ) -> Generator[Result]:
     """The result of each cell, recorded, as they end."""
     place = folder.absolute()  # a worker elsewhere has another working directory
-    in_folder = partial(run_checked, run_cell=run_cell, folder=place)
+    in_folder = partial(run_checked, run_cell=trial.run_cell, folder=place)
     work = Work(in_folder, partial(preload, examples(cells)), partial(_log_of, place), here)
     with (
         ConsistencyCheck(cells, place) as examined,

@@ -16,7 +16,6 @@ from stlbench.errors import UsageError
 from stlbench.records import upkeep
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import writing
-from stlbench.study import run
 from stlbench.study.scheduler import build_executor
 
 HOLDS = """
@@ -46,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("scripted")
 
 def study(folder, *methods, executor=None):
     place = executor or scripted_cells.Here()
-    run.run_cells(scripted_cells.cells(*methods), folder, place, run_cell=scripted_cells.run_in)
+    scripted_cells.run_cells(scripted_cells.cells(*methods), folder, place)
 
 
 def test_a_second_run_is_told_who_writes_and_writes_nothing(held):

@@ -15,7 +15,6 @@ from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import LINES, cell_files
 from stlbench.records.upkeep import merge, remove, repair, verify
-from stlbench.study import run
 
 
 def keyed(seed):
@@ -166,10 +165,10 @@ def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
 
 def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, scripted):
     cells, again = scripted_cells.cells("a", "b", "c"), scripted_cells.Here()
-    run.run_cells(cells, tmp_path, scripted_cells.Here(), run_cell=scripted_cells.run_in)
+    scripted_cells.run_cells(cells, tmp_path, scripted_cells.Here())
     say(tmp_path / LEDGER, "UPDATE cells SET result = '{}' WHERE seed = 1")
     repair(tmp_path)
-    run.run_cells(cells, tmp_path, again, run_cell=scripted_cells.run_in)
+    scripted_cells.run_cells(cells, tmp_path, again)
     assert again.ran == [("b", 60)]
     assert verify(tmp_path).is_whole
 

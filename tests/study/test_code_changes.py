@@ -71,7 +71,7 @@ def test_the_cell_is_offered_again_even_where_the_edit_is_taken_back(plugin, tmp
     file, cell = plugin
 
     def statuses():
-        run.run_cells([cell], tmp_path, Here(), run_cell=scripted_cells.run_in)
+        scripted_cells.run_cells([cell], tmp_path, Here())
         with Ledger(tmp_path / LEDGER, create=False) as ledger:
             return [(result.status, result.key) for result in ledger.results()]
 
@@ -91,7 +91,7 @@ def study(tmp_path, monkeypatch, scripted):
     def ran(cells, numpy="2.4", **words):
         monkeypatch.setattr(run, "collect", lambda jobs: {"jobs": str(jobs), "numpy": numpy, "time": numpy})
         told = Told()
-        run.run_cells(cells, tmp_path, Here(), run_cell=scripted_cells.run_in, progress=told, **words)
+        scripted_cells.run_cells(cells, tmp_path, Here(), progress=told, **words)
         (missing, done), *_ = told.lines
         return (len(missing), done), *told.notes
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("scripted")
 
 def study(folder, cells, **words):
     executor, told = Here(), Told()
-    run_cells(cells, folder, executor, progress=told, run_cell=scripted_cells.run_in, **words)
+    scripted_cells.run_cells(cells, folder, executor, progress=told, **words)
     return executor.ran, told.lines
 
 
