@@ -26,8 +26,8 @@ from stlbench.report.figures import files
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.tables.comparisons import verdicts
-from stlbench.report.tables.rows import Group, Row
-from stlbench.report.tables.runs import CELL, if_done, score_columns, scores_and_cost
+from stlbench.report.tables.rows import Group, Row, columns_of
+from stlbench.report.tables.runs import CELL, MEASUREMENT, score_columns, scores_and_cost
 from stlbench.report.tables.table import Column, Table, show
 from stlbench.simulation.faults import Ask
 from stlbench.task.task import Task
@@ -57,7 +57,7 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     scores, further = score_columns(lambda each: each.score, [row.measurement for row in rows if row.measurement])
     scores[Column("cell CPU", unit="s", digits=1)] = lambda each: each.cpu_seconds
     *first, reason = CELL.items()
-    full = {replace(column, short=""): value for column, value in if_done(scores).items()}
+    full = {replace(column, short=""): value for column, value in columns_of(MEASUREMENT, scores).items()}
     columns = {**dict(first), **full, **dict([reason])}
     return rows, Table.of("Cells", rows, columns, (*notes, *further)).trimmed()
 
