@@ -22,7 +22,7 @@ from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result_files import inside
 from stlbench.registry.choices import parse_choice
-from stlbench.registry.named_tasks import parse_tasks, task_of
+from stlbench.registry.named_tasks import parse_tasks
 from stlbench.report.tables.table import Table
 from stlbench.search import certify as certifying
 from stlbench.search import falsify as search
@@ -94,7 +94,7 @@ class Chosen:
             raise UsageError("--task needs a policy: module:function, or a file .zip (SB3) or .onnx")
         shown = Shown(self.on or "observation", UNKNOWN if self.method is None else parse_choice(self.method))
         with foreign(f"task {task_name}"):
-            task = load_task(task_of(task_name))
+            task = load_task(task_name)
         actors = []
         for policy in self.policies:
             source = find_source(policy, self.architecture, self.actions)

@@ -73,11 +73,6 @@ def read_recipes(path: Path) -> Recipes:
     return Recipes(found, str(path))
 
 
-def task_of(cell: CellId, recipe: Recipe | None = None) -> Task:
-    """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
-    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
-
-
 def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = None) -> Task:
     """The task as a track has it. On the track `plain` the agent has no recipe, and so trains with its defaults.
 
@@ -128,7 +123,7 @@ class Cell:
         """The task as the cell's track and recipe have it. Raises `UsageError` where it is not installed."""
         if self.folder is not None:
             named_tasks.know(self.folder)  # this process may be another than the one in which the user named the folder
-        return task_of(self.id, self.recipe)
+        return on_track(load_task(self.id.task), self.id.agent, self.id.track, self.recipe)
 
     def ended(
         self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None
