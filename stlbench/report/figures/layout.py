@@ -73,8 +73,10 @@ def shares_map(
     """Draw shares (rows, columns) as colours, NaN without one; texts by row and column, and the names of the rows."""
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1.1, aspect="auto")
     for (row, place), text in texts.items():
-        colour = "0.99" if shares[row, place] > 0.6 else "0.1"
-        axes.text(place, row, text, ha="center", va="center", color=colour, fontsize=now().tiny, linespacing=1.0)
+        entry = axes.text(place, row, text, ha="center", va="center", fontsize=now().tiny)
+        entry.set_color("0.99" if shares[row, place] > 0.6 else "0.1")
+        if "\n" in text:
+            entry.set_linespacing(1.0)
     axes.set_yticks(range(len(rows)), rows, fontsize=size)
     axes.tick_params(length=0)
     for side in axes.spines.values():
