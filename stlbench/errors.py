@@ -12,9 +12,6 @@ from types import ModuleType
 
 import stlbench
 
-__all__ = ["NO_SPACE", "DiskFull", "UsageError", "did_you_mean", "in_words", "unwritable"]
-
-
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a disk, or a quota, that is full."""
 
@@ -92,6 +89,11 @@ def did_you_mean(name: str, known: Iterable[str], few: Iterable[str] = ()) -> st
         return f"; did you mean '{close[0]}'?"
     listed = list(few) or names
     return f"; there are: {', '.join(listed)}" if listed else "; there are none"
+
+
+def counted(number: int, what: str) -> str:
+    """A number of things: "1 cell", "3 cells"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 # ------------------------------------------------------------------------------------------ texts of plugins, made safe

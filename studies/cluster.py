@@ -25,8 +25,8 @@ from pathlib import Path
 import psutil
 from matplotlib.figure import Figure
 
-from stlbench.records import stored
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records import results_folder
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.report.figures.files import save_svg
 from stlbench.report.figures.style import COLOURS, styled
@@ -86,7 +86,7 @@ def engine_costs(folder: Path, text: str) -> dict[str, float]:
 def ledger_cost(folder: Path, result: Result) -> float:
     """Wall seconds to check a result and to record it durably: the median of many, on the disk of the folder."""
     took = list[float]()
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         for number in range(CELLS):
             begin = time.perf_counter()
             ledger.record(from_json(to_json(replace(result, key=f"{number:032x}"))))
@@ -96,7 +96,7 @@ def ledger_cost(folder: Path, result: Result) -> float:
 
 def measure(results: Path, file: Path) -> None:
     """Write the costs."""
-    done = next(result for result in stored.read(results) if result.status == "done")
+    done = next(result for result in results_folder.read(results) if result.status == "done")
     with tempfile.TemporaryDirectory(dir=file.parent) as name:
         costs = engine_costs(Path(name), to_json(done)) | {"ledger": ledger_cost(Path(name), done)}
     file.write_text(json.dumps(costs, indent=2) + "\n")
@@ -128,7 +128,9 @@ def busy_share(workers: int, lengths: Sequence[float], costs: dict[str, float], 
 @styled
 def draw(costs: dict[str, float], results: Path, file: Path) -> None:
     """A line for each mean length; the spread of lengths is that of recorded cells."""
-    measured = [result.measurement.training_wall_seconds for result in stored.read(results) if result.measurement]
+    measured = [
+        result.measurement.training_wall_seconds for result in results_folder.read(results) if result.measurement
+    ]
     mean = sum(measured) / len(measured)
     figure = Figure(figsize=(5.0, 3.0), layout="constrained")
     axes = figure.subplots()

@@ -17,7 +17,7 @@ import numpy as np
 
 from stlbench.contract import Array, RewardMethod
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.array_files import read_cell
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
@@ -31,7 +31,7 @@ COLUMNS = ("task", "method", "gamma", "policy", "return", "robustness", "own")
 
 def main(folder: Path, written: Path) -> None:
     """Read the results of a folder and write one row per plan's reward and policy of its task."""
-    done = [result for result in stored.read(folder) if result.measurement is not None]
+    done = [result for result in results_folder.read(folder) if result.measurement is not None]
     with written.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([COLUMNS, *_rows(done, folder)])
 

@@ -17,7 +17,7 @@ import numpy as np
 from recorded import markdown
 
 from stlbench import stl
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.simulation.referee import record, score
 from stlbench.stl import Eventually, fragment
 from stlbench.stl.language.structure import walk
@@ -106,7 +106,7 @@ def table() -> str:
         plain = template.removesuffix("-tight")
         scene, _ = FormulaSuite().candidate(f"{system}/{plain}/0").scene
         ways = rests(scene, plain == "patrol")
-        for result in stored.read(Path("results")):
+        for result in results_folder.read(Path("results")):
             if Path(str(result.id.task)).name != name or result.measurement is None:
                 continue
             kept = load_policy(Path("results"), result, "selected")

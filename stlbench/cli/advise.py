@@ -18,10 +18,10 @@ from stlbench.cli.options import completed
 from stlbench.cli.output import Json, show, table
 from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError, one_line
-from stlbench.records import stored
-from stlbench.registry import named_tasks, plugins
-from stlbench.registry.choices import parse_choices
-from stlbench.report import Column, Table, Value, condense, evidence
+from stlbench.records import results_folder
+from stlbench.registry import plugins
+from stlbench.report import condense, evidence
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import is_schedule, schedules
@@ -29,6 +29,7 @@ from stlbench.statistics import across
 from stlbench.statistics.intervals import Interval
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.study.fitting import fit
+from stlbench.study.study import read_choices
 from stlbench.task.forms import traits
 from stlbench.task.task import Task, load_task
 from stlbench.tracks.auto import alternatives
@@ -40,7 +41,7 @@ def drawn_evidence(formula: stl.Formula, methods: Sequence[str]) -> dict[str, An
     trained = [
         evidence.Trained(traits(stl.parse(each.formula)), each.scores)
         for plugin in plugins.available("suites").values()
-        for each in named_tasks.made(plugin).scores()
+        for each in plugins.made(plugin).scores()
     ]
     form = traits(formula)
     found = evidence.alike(form, trained, methods)
@@ -127,7 +128,7 @@ def advise(
     if results is not None and isinstance(task, Specification):
         raise UsageError("--results shows results of a task; name the task instead of a formula")
     known = {} if results is None or isinstance(task, Specification) else _known(task, results)
-    chosen = None if methods is None else parse_choices(methods)
+    chosen = read_choices(methods)
     for choice in chosen or ():
         plugins.check("methods", choice)
     facts = _facts(task, known, None if chosen is None else list(map(str, chosen)))
@@ -233,7 +234,7 @@ def _rank(known: Mapping[str, Any] | None) -> tuple[float, float]:
 def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
     """Method -> its scores with the task's own agent on the track shared, at the budget with the most steps."""
     known = dict[str, dict[str, Any]]()
-    groups = [group for group in condense(stored.read(folder)) if group.done]
+    groups = [group for group in condense(results_folder.read(folder)) if group.done]
     for group in sorted(groups, key=lambda group: max(group.values("env_steps"))):
         setting = group.setting
         if (setting.task, str(setting.agent), setting.track) != (task.choice, task.own_agent, "shared"):

@@ -142,19 +142,17 @@ def _files(kind: Made, name: str) -> dict[str, str]:
         "class_": "".join(map(str.capitalize, name.split("-"))) + _WORDS[kind]["suffix"],
     }
     words |= {"distribution": f"stlbench-{kind}-{name}", "package": f"stlbench_{kind}_{name.replace('-', '_')}"}
-    for key, text in _WORDS[kind].items():
-        words[key] = Template(text).substitute(words)
+
+    def filled(text: str) -> str:
+        return Template(text).substitute(words)
+
+    words |= {key: filled(text) for key, text in _WORDS[kind].items()} | {"hint": _HINT}
     files = _SHARED | ({"src/$package/task.yaml": "task"} if kind == "task" else {})
-    words["hint"] = _HINT
+    templates = resources.files("stlbench.cli") / "templates"
     return {
-        Template(path).substitute(words): _template(Template(file).substitute(words), words)
-        for path, file in files.items()
+        filled(path): filled((templates / f"{filled(name)}.txt").read_text(encoding="utf-8"))
+        for path, name in files.items()
     }
-
-
-def _template(template: str, words: dict[str, str]) -> str:
-    source = resources.files("stlbench.cli").joinpath("templates", f"{template}.txt").read_text(encoding="utf-8")
-    return Template(source).substitute(words)
 
 
 Kind = Literal["method", "task", "agent", "executor", "log", "suite"]

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from stlbench import contract
-from stlbench.cli.options import Listed, names, study_options, tasks_of
+from stlbench.cli.options import Listed, study_options
 from stlbench.cli.output import Json, show
 from stlbench.cli.run import DEFAULTS
 from stlbench.errors import UsageError
@@ -21,10 +21,11 @@ from stlbench.gate.snapshot import Snapshot, cells_of, load, measure, save, sele
 from stlbench.gate.summary import Named
 from stlbench.gate.turns import both_trees, judge_turns, take_turns
 from stlbench.records.result import ACCIDENTS
+from stlbench.registry.choices import LOCAL
 from stlbench.study.cell import Cell
 from stlbench.study.progress import Progress
 from stlbench.study.scheduler import build_executor
-from stlbench.study.study import Study, parse_seeds
+from stlbench.study.study import Study, read_choices, read_seeds, read_tasks
 
 SEEDS = "10"  # seeds of a new reference
 
@@ -94,11 +95,10 @@ def gate(
     """
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; new measurements need another folder")
-    chosen = {"task": tasks_of(tasks), "method": names(methods), "agent": names(agents)}
-    numbers = None if seeds is None else parse_seeds(seeds)
-    executor = options.get("executor", "local")
+    chosen = {"task": read_tasks(tasks), "method": read_choices(methods), "agent": read_choices(agents)}
+    executor = options.get("executor", LOCAL)
     place = build_executor(executor, options.get("jobs"))
-    if against is not None and (update or executor != "local"):
+    if against is not None and (update or executor != LOCAL):
         raise UsageError("--against trains here and writes no reference: leave out --update and --executor")
     if update:
         if tasks is methods is agents is seeds is None:
@@ -108,7 +108,7 @@ def gate(
             cells = Study.of({**named, "seeds": seeds or SEEDS, "agents": agents, "budget": budget}).cells()
         _update(reference, _measured(cells, results, place), as_json)
         return
-    base = select(reference, budget=[budget], **chosen, seed=numbers)
+    base = select(reference, budget=[budget], **chosen, seed=read_seeds(seeds))
     cells = cells_of(base)
     if against is None:
         new = _measured(cells, results, place)

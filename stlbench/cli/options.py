@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, get_args
 import typer
 
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, parse_choices
-from stlbench.registry.named_tasks import know, parse_tasks
+from stlbench.registry.choices import Choice
+from stlbench.registry.named_tasks import know
 from stlbench.study.study import Option, Study
 
 
@@ -104,14 +104,6 @@ TaskFolders = Annotated[
     ),
 ]
 """Results never say where code is: only the user does. The option's callback makes the folders known."""
-
-
-def names(text: str | None) -> tuple[Choice, ...] | None:
-    return None if text is None else parse_choices(text)
-
-
-def tasks_of(text: str | None) -> tuple[Choice, ...] | None:
-    return None if text is None else parse_tasks(text)
 
 
 Folder = Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")]

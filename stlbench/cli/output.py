@@ -19,7 +19,7 @@ from stlbench.errors import UNSAFE
 if TYPE_CHECKING:  # `stlbench --help` needs none of it
     from rich.console import Console
 
-    from stlbench.report import Table
+    from stlbench.report.tables.table import Table
 
 _APART = ExitStack()  # while it is open, all output goes to stderr
 
@@ -80,7 +80,7 @@ def show(as_json: bool, facts: Any, text: Iterable[str | Table]) -> None:
 
 def say(text: Iterable[str | Table], *, explain: bool = True, explained: Container[Table] = ()) -> None:
     """Print lines and tables in their order, with the notes of all tables to `explain`, else of those `explained`."""
-    from stlbench.report import to_screen
+    from stlbench.report.tables.table import to_screen
 
     out = console()
     for part in text:
@@ -92,7 +92,7 @@ def say(text: Iterable[str | Table], *, explain: bool = True, explained: Contain
 
 def table(title: str, rows: Sequence[Mapping[str, Any]], *notes: str) -> Table:
     """A table of facts: rows name their columns. Numbers are on the right, as in the first row that has the column."""
-    from stlbench.report import Column, Table
+    from stlbench.report.tables.table import Column, Table
 
     first = {name: value for row in reversed(rows) for name, value in row.items()}
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -108,9 +108,6 @@ def console() -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich itself would exit with code 1, which has another meaning here
 
-    return Out(width=None if sys.stdout.isatty() else _columns(), highlight=False)
-
-
-def _columns() -> int:
     columns = os.environ.get("COLUMNS", "")
-    return int(columns) if re.fullmatch("[1-9][0-9]{0,4}", columns) else 120
+    width = int(columns) if re.fullmatch("[1-9][0-9]{0,4}", columns) else 120
+    return Out(width=None if sys.stdout.isatty() else width, highlight=False)

@@ -15,13 +15,14 @@ from stlbench.cli.options import Architecture, Budget, Cell, Method, On, OwnActi
 from stlbench.cli.output import Json, show
 from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import OUTSIDE
 from stlbench.records.result import Result, Score, plain_scores, reported
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.registry.named_tasks import task_of
-from stlbench.report import Column, Report, Table, Value, condense
+from stlbench.report import Report, condense
 from stlbench.report.tables.runs import scores_table
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.rescored import AS_RECORDED, CLAIMS_MORE, Rescored, score_question
 from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
 from stlbench.share.source import find_source
@@ -113,8 +114,7 @@ def score_cell(
     result = Results.load(results).cell(cell, budget)
     task = on or result.id.task
     scores = ask_one(score_question(task, result, results, which))
-    assert result.measurement is not None
-    recorded = result.measurement.selected if which == "selected" else result.measurement.final
+    recorded = result.measured.selected if which == "selected" else result.measured.final
     as_recorded, verdict = None, "another task than its own"
     if task == result.id.task:
         verdict = Rescored(result.id, recorded, scores).verdict
@@ -132,9 +132,9 @@ def score_cell(
 
 def _usual(results: Path, task: Choice) -> str | None:
     """The budget of the task's cells in a folder, for scores from the same starts; None without a single one."""
-    if stored.locate(results) is None:
+    if results_folder.locate(results) is None:
         return None
-    cells = (result.id for result in stored.read(results))
+    cells = (result.id for result in results_folder.read(results))
     budgets = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
     return budgets.pop() if len(budgets) == 1 else None
 
@@ -147,15 +147,14 @@ def _warn_of_ends(scores: Mapping[str, Score]) -> None:
 
 def _text(result: Result, results: Path) -> Iterator[str | Table]:
     """The score, and the row beside the cells of its task."""
-    assert result.measurement is not None
     yield f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}"
     if observation := result.provenance.get("observation"):
         yield f"It is shown {observation} (--on {result.provenance['on']})"
     if moved := result.provenance.get("moved"):
         warn(f"{moved}; --actions FILE gives it actions of its own")
-    yield scores_table({"": result.measurement.selected})
-    _warn_of_ends(result.measurement.selected)
-    groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
+    yield scores_table({"": result.measured.selected})
+    _warn_of_ends(result.measured.selected)
+    groups = condense(each for each in results_folder.read(results) if each.id.task == result.id.task)
     yield Report(groups, {}).robustness
     counts = sorted({count for group in groups for count in group.values("starts")})
     if len(counts) > 1:
@@ -195,8 +194,7 @@ def list_policies(results: Kept = None, as_json: Json = False) -> None:
 
 
 def _facts(result: Result) -> dict[str, Any]:
-    assert result.measurement is not None
-    cell, score = result.id, result.measurement.score
+    cell, score = result.id, result.measured.score
     numbers = {"robustness": score.mean, "satisfaction": score.satisfaction, "starts": score.starts}
     return {"cell": cell.name, "budget": cell.budget, "track": cell.track, **numbers, "key": result.key}
 

@@ -17,17 +17,20 @@ from stlbench.cli.common import warn
 from stlbench.cli.options import Budget, Cell, Explain, Fitting, Folder, Listed, TaskFolders, Which
 from stlbench.cli.output import Json, print_json, say
 from stlbench.errors import DiskFull, UsageError, did_you_mean
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.result import NOT_RUN
 from stlbench.records.result_files import inside
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.report import Group, Report, Width, condense, to_records, write
+from stlbench.report import Report, condense, groups_of, write
 from stlbench.report.page import require, write_page
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Width, to_records
 from stlbench.share.rescored import bundles_table, read_bundles
 from stlbench.simulation.faults import Question, plugins_of
 from stlbench.study.plugin_guard import ask, ask_one, load_guarded
 from stlbench.study.policies import Start, parse_start
+from stlbench.study.progress import bar_on
 from stlbench.study.results import Results
 from stlbench.tracks.references import References, references
 
@@ -50,7 +53,7 @@ def report(
     task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:
-    """Rebuild the tables and figures from a ledger.
+    """Rebuild the tables and figures of a folder of results.
 
     Covers all cells that are recorded in DIR, prints what was learned and rewrites the files. Without the right to
     write in DIR, it warns and prints alone. --width column makes figures and LaTeX for one column of a paper.
@@ -84,15 +87,15 @@ def report(
             "name one folder, or bundles, which end in .zip; `stlbench results merge` puts folders together"
         )
     (folder,) = paths
-    groups = condense(stored.read(folder), stored.missing(folder).values())
+    groups = groups_of(folder)
     if not groups or (html and all(row.status == NOT_RUN for group in groups for row in group.rows)):
-        raise UsageError(f"{stored.locate(folder)} holds no result yet")
+        raise UsageError(f"{results_folder.locate(folder)} holds no result yet")
     if not html and not as_json:
         show_report(groups, folder, explain, width)
         return
     content = Report(groups, references_of(groups))
     if html:
-        with stored.one_by_one(folder) as find:
+        with results_folder.one_by_one(folder) as find:
             _write_page(content, find, folder if folder.is_dir() else folder.parent, out, as_json)
     else:
         _write(content, folder, width)
@@ -161,14 +164,10 @@ def _write(report: Report, folder: Path, width: Width) -> bool:
     return True
 
 
-def _write_page(report: Report, find: stored.Find, folder: Path, out: Path | None, as_json: bool) -> None:
+def _write_page(report: Report, find: results_folder.Find, folder: Path, out: Path | None, as_json: bool) -> None:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    console = Console(stderr=True, highlight=False)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    bars = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    with bars as bar:
+    with bar_on(Console(stderr=True, highlight=False), transient=True) as bar:
         stage = bar.add_task("figures of the methods", total=None)
         path = write_page(
             report,
@@ -235,14 +234,16 @@ def plot(
     from stlbench.report.figures import trace_figures
     from stlbench.report.figures.style import colours_of, fitting
 
-    groups = condense(stored.read(run), stored.missing(run).values())
+    groups = groups_of(run)
     settings = [group.setting for group in groups if group.tried]
     some_tasks = _known(tasks, {setting.task for setting in settings}, "task", run)
     some_methods = _known(methods, {setting.method for setting in settings}, "method", run)
     if not any(setting.task in some_tasks and setting.method in some_methods for setting in settings):
         raise UsageError(f"{run} holds no result of these tasks and methods")
     chosen = (
-        result for result in stored.read(run) if result.id.task in some_tasks and result.id.method in some_methods
+        result
+        for result in results_folder.read(run)
+        if result.id.task in some_tasks and result.id.method in some_methods
     )
     figures = out or inside(run / "figures", run)
     colours = colours_of(groups)
@@ -314,8 +315,7 @@ def render(
     chosen = Start(start_index, None if start is None else parse_start(start))
     result = Results.load(run).cell(cell, budget)
     if result.measurement is None:
-        reason = f": {result.reason}" if result.reason else ""
-        raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
+        raise UsageError(f"{result.id.name} has no policy to film: {result.how}")
     arguments = (run, result, which, chosen, form, out or inside(run / "films", run))
     filmed = ask_one(Question(film_cell, arguments, plugins_of(result.id), f"{result.id.name} cannot be filmed"))
     for remark in filmed.remarks:

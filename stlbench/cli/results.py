@@ -14,15 +14,14 @@ import typer
 from stlbench.cli.common import warn
 from stlbench.cli.options import Folder
 from stlbench.cli.output import Json, show
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError, counted, one_line
 from stlbench.records import upkeep
-from stlbench.records import upkeep as verifying
-from stlbench.records.ledger import FILE
+from stlbench.records.ledger import LEDGER
 from stlbench.records.result import reported
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import way_out
 from stlbench.records.upkeep import Merged, Verified
-from stlbench.report import Column, Table, Value
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.bundle import Checked, check
 from stlbench.share.rescored import CLAIMS_MORE, Rescored
 from stlbench.share.rescored import rescore as rescore_policies
@@ -72,14 +71,11 @@ def remove(
         for result in chosen:
             typer.echo(f"{result.id.name} {result.id.budget} {result.status}")
         if not yes:
-            typer.confirm(f"Remove {_count(len(chosen))} from {folder}/?", abort=True, err=True)
+            typer.confirm(f"Remove {counted(len(chosen), 'cell')} from {folder}/?", abort=True, err=True)
     upkeep.remove(folder, [result.id for result in chosen])
     facts = [{"cell": result.id.name, "budget": result.id.budget, "status": result.status} for result in chosen]
-    show(
-        as_json,
-        facts,
-        [f"Removed {_count(len(chosen))} from {folder}/; the tables there change with `stlbench report`"],
-    )
+    removed = f"Removed {counted(len(chosen), 'cell')} from {folder}/"
+    show(as_json, facts, [f"{removed}; the tables there change with `stlbench report`"])
 
 
 @app.command("merge")
@@ -112,10 +108,6 @@ def _merged(into: Path, counts: Mapping[Path, Merged]) -> Iterator[str]:
             warn(f"{name} has other scores in {source}/ than in {into}/, though the keys are the same")
         for file in count.damaged:
             warn(f"{file} is not as it was recorded, and not copied")
-
-
-def _count(cells: int) -> str:
-    return f"{cells} {'cell' if cells == 1 else 'cells'}"
 
 
 _SHOWN = 10  # the most files without a result that are listed
@@ -159,7 +151,7 @@ def verify(
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)  # the text below has the same
-        verified = verifying.repair(folder) if repair else verifying.verify(folder)
+        verified = upkeep.repair(folder) if repair else upkeep.verify(folder)
     show(as_json, _facts(verified, repair), _text(verified, repair, folder))
     if not (verified.is_whole or repair):
         raise typer.Exit(1)
@@ -176,8 +168,8 @@ def _facts(verified: Verified, repaired: bool) -> dict[str, object]:
 def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
     if verified.structure:
         first, more = one_line(verified.structure[0]), len(verified.structure) - 1
-        counted = f" (and {more} more such lines)" if more else ""
-        yield f"{folder / FILE} is damaged: {first}{counted}; {way_out(folder / FILE)}"
+        others = f" (and {more} more such lines)" if more else ""
+        yield f"{folder / LEDGER} is damaged: {first}{others}; {way_out(folder / LEDGER)}"
         return
     damaged, strays = len({damage.key for damage in verified.damages}), verified.strays
     yield from (f"{damage.name}: {damage.what}: {damage.problem}" for damage in verified.damages)
@@ -189,8 +181,8 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
     verdict = ", ".join(parts) or ("whole" if verified.rows else "empty")
     yield f"{folder}/: {verified.rows} rows, {verified.files} files as they were recorded: {verdict}"
     if verified.marked:
-        cells_are = "1 cell is" if verified.marked == 1 else f"{verified.marked} cells are"
-        yield f"{cells_are} marked, for the next `stlbench run` to measure again"
+        are = "is" if verified.marked == 1 else "are"
+        yield f"{counted(verified.marked, 'cell')} {are} marked, for the next `stlbench run` to measure again"
     if strays:
         yield "files without a result: rows were lost, or a run was killed; keep them or delete them"
     if verified.damages:

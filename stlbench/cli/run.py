@@ -13,26 +13,25 @@ import typer
 
 from stlbench.cli.common import DISK_FULL, refuse
 from stlbench.cli.options import REQUIRED, Explain, TaskName, Verbose, study_options
-from stlbench.cli.options import names as choices
 from stlbench.cli.output import console
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
-from stlbench.records import stored
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import ACCIDENTS, Result, accidents_of
 from stlbench.records.result_files import write
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice
+from stlbench.registry.choices import LOCAL, Choice
 from stlbench.registry.named_tasks import task_of
-from stlbench.report import Column, Table, Value, condense, only, to_csv, to_screen
+from stlbench.report import groups_of, only
+from stlbench.report.tables.table import Column, Table, Value, to_csv, to_screen
 from stlbench.study.cell import Cell, Recipe, write_recipes
 from stlbench.study.plan import parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask
 from stlbench.study.progress import Progress, Tally, duration
-from stlbench.study.run import missing_cells, run_cells, run_missing
+from stlbench.study.run import missing_cells, results_of, run_cells, run_missing
 from stlbench.study.scheduler import build_executor
-from stlbench.study.study import Study
+from stlbench.study.study import Study, read_choices
 from stlbench.study.tuning import Entrant, Trial, entrants, search
 from stlbench.task.task import load_task
 from stlbench.tracks.references import differences
@@ -103,7 +102,7 @@ def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator
 
 
 def _recorded(cells: Sequence[Cell], folder: Path) -> str:
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         count = len(ledger.finished(cell.key for cell in cells))
     return f"{count} of {len(cells)} cells are recorded in {folder}/"
 
@@ -114,7 +113,7 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     Raises:
         UsageError: all of these cells ended as unsuitable.
     """
-    recorded = condense(stored.read(folder), stored.missing(folder).values())
+    recorded = groups_of(folder)
     shown = only(recorded, cells)
     rows = [row for group in shown for row in group.rows]
     show_report(recorded, folder, explain, shown=shown)
@@ -160,9 +159,9 @@ def plan(
       stlbench plan overlap --methods raw,funnel --resolution 0.6
       stlbench plan reach-stay --settings "recipe,gamma=1,without=cuts gamma=1"
     """
-    chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
+    chosen, results = read_choices(options.get("methods")), Path(options.get("results", _RESULTS))
     cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
-    executor, retry = build_executor(options.get("executor", "local"), options.get("jobs")), options.get("retry")
+    executor, retry = build_executor(options.get("executor", LOCAL), options.get("jobs")), options.get("retry")
     with interruptible(lambda: cells, results), Progress(verbose) as progress:
         run_cells(cells, results, executor, retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
@@ -244,8 +243,7 @@ def _run(
     planned.update((cell.id, cell) for cell in cells)
     place = build_executor(study.executor, study.jobs)
     run_cells(cells, study.results, place, retry=study.retry, attempts=study.attempts, progress=progress)
-    with Ledger(study.results / FILE, create=False) as ledger:
-        return {result.id: result for result in ledger.results_of(cell.id for cell in cells)}
+    return {result.id: result for result in results_of(cells, study.results)}
 
 
 def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:

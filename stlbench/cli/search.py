@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from stlbench.cli.common import warn
@@ -23,8 +22,8 @@ from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result_files import inside
 from stlbench.registry.choices import parse_choice
-from stlbench.registry.named_tasks import parse_tasks, task_of
-from stlbench.report import Table
+from stlbench.registry.named_tasks import parse_tasks
+from stlbench.report.tables.table import Table
 from stlbench.search import certify as certifying
 from stlbench.search import falsify as search
 from stlbench.search.actor import Actor, Unsearchable, foreign, of_cell, of_controller, of_policy
@@ -32,6 +31,7 @@ from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
 from stlbench.share.scoring import UNKNOWN, Shown, play
 from stlbench.share.source import find_source
+from stlbench.study.progress import bar_on
 from stlbench.study.results import Results
 from stlbench.task.task import load_task
 
@@ -94,7 +94,7 @@ class Chosen:
             raise UsageError("--task needs a policy: module:function, or a file .zip (SB3) or .onnx")
         shown = Shown(self.on or "observation", UNKNOWN if self.method is None else parse_choice(self.method))
         with foreign(f"task {task_name}"):
-            task = load_task(task_of(task_name))
+            task = load_task(task_name)
         actors = []
         for policy in self.policies:
             source = find_source(policy, self.architecture, self.actions)
@@ -150,9 +150,8 @@ def one_by_one(
     at most so many `episodes`. `search` gets an actor and a function for its progress, `line` is a result in short.
     """
     console = Console(stderr=True, highlight=False, soft_wrap=True)
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     results, interrupted, refused = list[T](), False, False
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+    with bar_on(console, transient=True) as bar:
         counted = bar.add_task("", total=episodes)
         try:
             for place, actor in enumerate(actors, 1):

@@ -11,7 +11,7 @@ import typer
 from stlbench.cli.options import Budget, Cell, Folder, From, TaskFolders, Which
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import PACKED, csv_value, inside, write
 from stlbench.share import onnx
@@ -95,7 +95,7 @@ def export(
     """
     if form == "jsonl":
         path = (out or (folder if folder.is_dir() else folder.parent)) / PACKED
-        write_lines(list(stored.read(folder)), path, stored.missing(folder))
+        write_lines(list(results_folder.read(folder)), path, results_folder.missing(folder))
         paths = [path]
     else:
         results = Results.load(folder)

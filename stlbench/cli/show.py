@@ -23,8 +23,8 @@ from stlbench.records.result_files import cell_files, end_of_log, is_there
 from stlbench.registry import choices, plugins
 from stlbench.registry.choices import field_docs
 from stlbench.registry.plugins import Plugin
-from stlbench.report import Table
 from stlbench.report.tables.runs import scores_and_cost
+from stlbench.report.tables.table import Table
 from stlbench.study.results import Results
 from stlbench.study.study import json_schema
 
@@ -120,8 +120,8 @@ def method(
 
 def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
     return {
-        name: {"type": text} | ({} if default is inspect.Parameter.empty else {"default": default})
-        for name, (text, default) in plugins.parameters(plugin).items()
+        name: {"type": each.text} | ({} if each.default is inspect.Parameter.empty else {"default": each.default})
+        for name, each in plugins.parameters(plugin).items()
     }
 
 

@@ -19,7 +19,7 @@ from stlbench.records.identity import Track, safe_line
 from stlbench.records.result import Score
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.report import Table, Value
+from stlbench.report.tables.table import Table, Value
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.simulation.baselines import Constants
 from stlbench.simulation.faults import Question, answers
@@ -253,14 +253,13 @@ def _seen(facts: dict[str, Any]) -> str:
 
 
 def _baseline_lines(known: dict[str, Any]) -> list[str]:
-    zero, constant, random = (_score_text(known[name]) for name in ("zero", "constant", "random"))
+    zero, constant, random = (
+        f"robustness {score['robustness_mean']:.3f}, satisfied {100 * score['satisfaction']:.1f} %"
+        for score in (known["zero"], known["constant"], known["random"])
+    )
     action = ", ".join(f"{value:.6g}" for value in known["constant"]["action"])
     lines = [f"zero:     {zero}", f"constant: {constant}, by the action ({action})", f"random:   {random}"]
     return [*lines, "trivial:  a constant action solves the task"] if known["trivial"] else lines
-
-
-def _score_text(score: dict[str, Any]) -> str:
-    return f"robustness {score['robustness_mean']:.3f}, satisfied {100 * score['satisfaction']:.1f} %"
 
 
 def _best(best: dict[str, Any]) -> str:

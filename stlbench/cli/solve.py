@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from stlbench.errors import UsageError
+from stlbench.registry.choices import LOCAL
 
 
 def solve(
@@ -54,7 +55,7 @@ def solve(
             show_default="fresh networks",
         ),
     ] = None,
-    executor: Annotated[str, typer.Option(metavar="NAME", help="Executor of the trainings.")] = "local",
+    executor: Annotated[str, typer.Option(metavar="NAME", help="Executor of the trainings.")] = LOCAL,
     jobs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Trainings at a time.", show_default="2, or 1 on one core")
     ] = None,

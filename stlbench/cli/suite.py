@@ -12,7 +12,7 @@ from stlbench.cli.output import Json, show, table
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
-from stlbench.report import Column, Table, Value
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.simulation.baselines import replay
 from stlbench.simulation.referee import Recording
 from stlbench.task import load_task
@@ -65,7 +65,7 @@ def _counts() -> list[dict[str, Any]]:
     return [
         {"tasks": f"{name}:{part}", "count": len(members)}
         for name, plugin in plugins.available("suites").items()
-        for part, members in named_tasks.parts(named_tasks.made(plugin)).items()
+        for part, members in named_tasks.parts(plugins.made(plugin)).items()
     ]
 
 
@@ -76,9 +76,9 @@ def _names(address: str) -> tuple[str, ...]:
 
 
 def _facts(name: str) -> dict[str, Any]:
-    plugin = named_tasks.task(name)
+    plugin = plugins.suite_task(name)
     assert plugin is not None
-    file, splits = read_task_file(plugin.file, name), named_tasks.made(plugin.suite).splits
+    file, splits = read_task_file(plugin.file, name), plugins.made(plugin.suite).splits
     known = file.best_known
     return {
         "task": f"{plugin.suite.name}:{plugin.member}",
@@ -122,9 +122,9 @@ def draw(
     from stlbench.report.figures.trajectories import trajectories
 
     for name in _names(tasks):
-        plugin = named_tasks.task(name)
+        plugin = plugins.suite_task(name)
         assert plugin is not None
-        witness = named_tasks.made(plugin.suite).witness(plugin.member)
+        witness = plugins.made(plugin.suite).witness(plugin.member)
         if witness is None:
             raise UsageError(f"task {name} has no witness that could be drawn")
         loaded = load_task(name)

@@ -20,9 +20,9 @@ from pydantic import ValidationError
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean, in_words
-from stlbench.records import lines, stored
+from stlbench.records import lines, results_folder
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId, Line, ReadCell, adapter
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER
 from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, TASK_FOLDER, Result, Status
 from stlbench.records.result_files import LINES, csv_text, followed, read, to_read, write
 from stlbench.records.schema import is_sqlite
@@ -31,7 +31,7 @@ from stlbench.study.cell import Cell
 from stlbench.study.logs import Listener
 from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import CODE
-from stlbench.study.run import run_cells
+from stlbench.study.run import results_of, run_cells
 
 Floats = NDArray[np.float64]
 _PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ from cell to cell
@@ -157,12 +157,12 @@ def load(path: Path) -> Snapshot:
         return _reference(path)
     if path.suffix == ".csv":
         return _table(followed(path))
-    if (file := stored.locate(path)) is not None:
+    if (file := results_folder.locate(path)) is not None:
         return _results(file)
     if (path / TABLE).is_file():
         return _table(path / TABLE)
     if path.is_dir():
-        raise UsageError(f"{path} has neither {FILE} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
+        raise UsageError(f"{path} has neither {LEDGER} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
     return _results(path)
 
 
@@ -180,7 +180,7 @@ def save(folder: Path, snapshot: Snapshot) -> None:
 def _results(path: Path) -> Snapshot:
     if path.is_file() and not lines.is_lines(path) and not is_sqlite(path):
         raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
-    return gather(stored.read(path))
+    return gather(results_folder.read(path))
 
 
 def _reference(folder: Path) -> Snapshot:
@@ -263,5 +263,4 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
 def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Listener | None = None) -> Snapshot:
     """Run the cells without a result in the folder, or with one of other code."""
     run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
-    with Ledger(folder / FILE, create=False) as ledger:
-        return gather(ledger.results_of(cell.id for cell in cells))
+    return gather(results_of(cells, folder))

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from stlbench.gate.judge import EXIT, Comparison, Judgement, Verdict
 from stlbench.gate.snapshot import METRICS, Snapshot
 from stlbench.records import result_files
-from stlbench.report import Column, Table, Value, to_markdown
+from stlbench.report.tables.table import Column, Table, Value, to_markdown
 
 Named = tuple[str, Snapshot]  # the path of a snapshot, and the snapshot
 LIMIT = 60_000  # characters of a comment at most; GitHub refuses comments of more than 65,536

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from scipy import special
 
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError, counted, one_line
 from stlbench.gate.judge import Comparison, Judgement, Verdict, compare, judge, values_of
 from stlbench.gate.snapshot import COSTS, QUALITIES, Metric, Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
@@ -224,8 +224,7 @@ def take_turns(cells: Collection[CellId], base: Tree, new: Tree, say: Callable[[
     waiting, number = sorted(cells, key=lambda cell: (cell.seed, cell)), 0
     while waiting:
         number += 1
-        count = f"{len(waiting)} {'cell' if len(waiting) == 1 else 'cells'}"
-        say(f"round {number}: {count}, each by {base.name} and by {new.name}")
+        say(f"round {number}: {counted(len(waiting), 'cell')}, each by {base.name} and by {new.name}")
         with Trainer(base, new) as one, Trainer(new, base) as other:  # a process that happens to be slow does not stay
             turns += [_turn(cell, number, one, other) for cell in waiting]
         settings = unclear(turns)

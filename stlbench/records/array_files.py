@@ -137,7 +137,7 @@ def read_policy(results: Path, result: Result, which: Which) -> Arrays:
     """The arrays of a cell's policy. Raises `UsageError` if they are missing, or not those that were recorded."""
     name, measured = result.id.name, result.measurement
     if measured is None:
-        raise UsageError(f"{name} has no policy: {': '.join(filter(None, (result.status, result.reason)))}")
+        raise UsageError(f"{name} has no policy: {result.how}")
     if measured.policies is None:
         raise UsageError(f"{name} has no stored policy: {_why_none(result)}")
     path, policies = cell_files(results, result.id, result.key).policies, measured.policies
@@ -159,7 +159,7 @@ class Assessment(NamedTuple):
 
     scores: dict[str, Score]  # protocol -> score
     traces: Array  # (N, T + 1, k): the traces behind the main score
-    states: Array  # (N, decisions + 1, n): the states behind them, at each decision and at the end
+    states: Array | None  # (N, decisions + 1, n): those behind them, at each decision and at the end; None if unknown
 
 
 class Film(NamedTuple):
@@ -178,15 +178,12 @@ class SavedTraces(NamedTuple):
 
 
 def save_traces(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
-    robustness = assessment.scores[MAIN].robustness
-    extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
-    named = {"traces": assessment.traces, "signals": np.array(signals)}
-    write_arrays(path, {**named, "extremes": extremes, "states": assessment.states[extremes]})
-
-
-def save_samples(path: Path, samples: Array, signals: tuple[str, ...]) -> None:
-    """Write traces (N, T + 1, k) of which no more is known."""
-    write_arrays(path, {"traces": samples, "signals": np.array(signals)})
+    named: dict[str, NDArray[Any]] = {"traces": assessment.traces, "signals": np.array(signals)}
+    if assessment.states is not None:
+        robustness = assessment.scores[MAIN].robustness
+        named["extremes"] = extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
+        named["states"] = assessment.states[extremes]
+    write_arrays(path, named)
 
 
 def read_cell(results: Path, result: Result) -> SavedTraces:

@@ -108,7 +108,16 @@ class Setting:
     @property
     def name(self) -> str:
         """For people: hold-disc/funnel/dqn, without the budget; with the track where it is not `shared`."""
-        return _joined(self.task, self.method, self.agent, track=self.track)
+        return "/".join(map(str, (self.task, self.method, self.agent, *self.other_track)))
+
+    @property
+    def other_track(self) -> tuple[Track, ...]:
+        """The track where it is not `shared`, which names leave out."""
+        return _other(self.track)
+
+
+def _other(track: Track) -> tuple[Track, ...]:
+    return () if track == "shared" else (track,)
 
 
 @dataclass(frozen=True, order=True)
@@ -141,7 +150,7 @@ class CellId:
     def name(self) -> str:
         """For people, and in the names of files: hold-disc/funnel/dqn/0. Budgets share it; tracks other than `shared`
         are at its end."""
-        return _joined(self.task, self.method, self.agent, self.seed, track=self.track)
+        return "/".join(map(str, (self.task, self.method, self.agent, self.seed, *_other(self.track))))
 
     @property
     def plain(self) -> dict[str, str | int]:
@@ -153,10 +162,6 @@ class CellId:
     def setting(self) -> Setting:
         """All but the seed."""
         return Setting(self.task, self.method, self.agent, self.budget, self.track)
-
-
-def _joined(*parts: Choice | int, track: Track) -> str:
-    return "/".join([*map(str, parts), *([] if track == "shared" else [track])])
 
 
 def _short(cell: CellId) -> CellId:

@@ -1,33 +1,171 @@
-"""The ledger: one SQLite file, one row and one transaction per cell. Only the parent process writes."""
+"""The ledger: one SQLite file, one row and one transaction per cell. Only the parent process writes.
+
+It is read row by row: a damaged part is named in a warning, and skipped.
+"""
 
 from __future__ import annotations
 
 import sqlite3
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import prod
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
+from stlbench.errors import UsageError, one_line
 from stlbench.records import lines
 from stlbench.records.identity import IDENTITY, MOST, OUTSIDE, CellId
-from stlbench.records.result import ACCIDENTS, Result, Status
-from stlbench.records.rows import Records, Row, texts, values
-from stlbench.records.schema import COLUMNS, opened, unusable
+from stlbench.records.result import ACCIDENTS, Result, Status, plain
+from stlbench.records.rows import OTHER, Inspected, LedgerWarning, Row, cell_of, result_of, texts, values
+from stlbench.records.schema import COLUMNS, LISTED, VERSION, is_damaged, is_sqlite, opened, unusable
 
-FILE = "ledger.sqlite"  # its name in a folder of results
+LEDGER = "ledger.sqlite"  # its name in a folder of results
 _IDENTITY = ", ".join(IDENTITY)
 
 
-class Ledger(Records):
-    """A file of results, as a context manager.
+class Ledger:
+    """The rows and the plan of a folder of results, as a context manager.
 
     The column `result` has JSON. The other columns are for SQL: `sqlite3 ledger.sqlite "select * from cells"`. Reading
-    needs no right to write. Writing makes a missing file, and the folders above it.
+    needs no right to write. A missing file has no rows, if `create` allows that; writing makes it, and the folders
+    above it. Raises `UsageError` if the file is something else, or was written by another version, or if SQLite finds
+    it damaged.
     """
 
     def __init__(self, path: Path, *, create: bool = True) -> None:
-        super().__init__(path, create=create)
+        self.path = path
+        self._database: sqlite3.Connection | None = None
+        if (path.exists() and not path.is_file()) or (path.is_file() and path.stat().st_size and not is_sqlite(path)):
+            raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
+        if path.exists():
+            self._database = opened(path)
+        elif not create:
+            raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
         self._is_writing = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if self._database is not None:
+            self._database.close()
+
+    def planned(self) -> dict[str, CellId]:
+        return self._cells("planned", "the plan")
+
+    def recorded(self) -> dict[str, CellId]:
+        """The cells of all rows that were recorded and not removed; none of a ledger of the version before."""
+        return self._cells("recorded", "the list of its rows") if self._lists_rows else {}
+
+    @property
+    def _lists_rows(self) -> bool:
+        tables = "SELECT count(*) FROM sqlite_schema WHERE name = 'recorded'"
+        return self._database is not None and bool(_first(self._database.execute(tables)))
+
+    def _cells(self, table: str, what: str) -> dict[str, CellId]:
+        cells = dict[str, CellId]()
+        for _, key, *identity in self._rows(table, COLUMNS):
+            try:
+                cells[key] = cell_of(*identity)
+            except ValueError as error:
+                self._warn(f"a part of {what}", str(error))
+        return cells
+
+    def _rows(self, table: str, columns: str, *, from_index: bool = False) -> list[tuple[Any, ...]]:
+        """Number and columns of a table's rows, in the order of their numbers.
+
+        `from_index` reads an index that has all these columns, which is far shorter than the table. It does not see
+        damage of the table alone.
+        """
+        if self._database is None:
+            return []
+        query = f"SELECT rowid, {columns} FROM {table}{'' if from_index else ' NOT INDEXED'}"  # noqa: S608
+        try:
+            size = prod(_first(self._database.execute(f"PRAGMA {name}")) for name in ("page_count", "page_size"))
+            return sorted(_within(self._database.execute(query), size), key=itemgetter(0))
+        except sqlite3.DatabaseError as error:
+            raise unusable("read", self.path, error) from error
+
+    def problems(self) -> list[str]:
+        """SQLite's report about the file's structure; empty if it is whole."""
+        if self._database is None:
+            return []
+        try:
+            reports = [str(row[0]) for row in self._database.execute("PRAGMA integrity_check(20)")]
+            if not self._lists_rows and _first(self._database.execute("PRAGMA user_version")) >= VERSION:
+                reports.append("it does not list the rows that were recorded")
+        except sqlite3.DatabaseError as error:
+            return [str(error)]
+        return [line for text in reports for line in text.splitlines() if line != "ok" and not line.startswith("***")]
+
+    def inspected(self) -> Iterator[Inspected]:
+        """Every row, whatever it holds, one at a time."""
+        for columns in self._rows("cells", LISTED):
+            yield self._inspected(*columns)
+
+    def _inspected(self, number: int, key: str, *columns: Any) -> Inspected:
+        again = bool(columns[2])
+        try:
+            row = Row.of(number, key, *columns)
+        except ValueError:
+            row = None
+        content = self._content(number, key)
+        if isinstance(content, str):
+            return Inspected(key, row.cell if row else None, {}, one_line(content), again)
+        result, files = content
+        if row is None or not row.is_of(result):
+            return Inspected(key, result.id, {}, OTHER, again, result.key)
+        return Inspected(key, result.id, files, result, again)
+
+    def listed(self) -> list[Row]:
+        """All rows in the order in which they were recorded, but those that no run writes."""
+        rows = list[Row]()
+        for columns in self._rows("cells", LISTED, from_index=True):
+            try:
+                rows.append(Row.of(*columns))
+            except ValueError as error:
+                self._warn(f"the row of the cell with key {columns[1]}", str(error))
+        return rows
+
+    def read(self, row: Row) -> Result | None:
+        """The result of a row; None, with a warning, if it is damaged."""
+        content = self._content(row.number, row.key)
+        if not isinstance(content, str) and row.is_of(content[0]):
+            return content[0]
+        self._warn(f"the row of {row.cell.name}", content if isinstance(content, str) else OTHER)
+        return None
+
+    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str]] | str:
+        """A row's result and the checksums of its files; or what is wrong with the row."""
+        assert self._database is not None
+        query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
+        try:
+            found = self._database.execute(query, (number, key)).fetchone()
+        except sqlite3.DatabaseError as error:
+            if is_damaged(error):
+                raise unusable("read", self.path, error) from error
+            return str(error)
+        if found is None:
+            return "it is not where the index has it"
+        text, checksum, files = found
+        try:
+            result, checksums = result_of(text, checksum), plain(files)
+        except ValueError as error:
+            return str(error).splitlines()[0]
+        if not isinstance(checksums, dict):
+            return f"checksums of its files are an object, got {files!r:.80}"
+        return result, checksums
+
+    def _warn(self, what: str, problem: str) -> None:
+        way = f"`stlbench verify {self.path.parent} --repair` has it measured again"
+        cause = one_line(problem.splitlines()[0])
+        text = f"{self.path}: {one_line(what)} is damaged and passed over; {way} ({cause})"
+        warnings.warn(text, LedgerWarning, stacklevel=3)
 
     def plan(self, cells: Mapping[str, CellId]) -> None:
         """Write the cells of a study, by key, in place of earlier plans for the same settings."""
@@ -177,10 +315,22 @@ def _list(database: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any]
 
 def _insert(database: sqlite3.Connection, columns: Mapping[str, Any]) -> None:
     names, marks = ", ".join(columns), ", ".join("?" * len(columns))
-    if columns:
-        database.execute(f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", tuple(columns.values()))  # noqa: S608
-        _list(database, "recorded", [[columns[name] for name in ("key", *IDENTITY)]])
+    database.execute(f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", tuple(columns.values()))  # noqa: S608
+    _list(database, "recorded", [[columns[name] for name in ("key", *IDENTITY)]])
 
 
 def _is_given_up(row: Row, attempts: int | None) -> bool:
     return attempts is not None and row.failures >= attempts
+
+
+def _within(rows: Iterable[tuple[Any, ...]], room: int) -> Iterator[tuple[Any, ...]]:
+    """Raises `DatabaseError` after so many bytes: damaged pages can repeat a row for ever."""
+    for row in rows:
+        room -= sum(len(value) if isinstance(value, str | bytes) else 1 for value in row)
+        if room < 0:
+            raise sqlite3.DatabaseError("its rows say more than the file holds")
+        yield row
+
+
+def _first(rows: Iterable[tuple[Any, ...]]) -> int:
+    return next((int(row[0] or 0) for row in rows), 0)

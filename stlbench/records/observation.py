@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, TypeAdapter, ValidationError
 
 from stlbench import __version__
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError, counted, one_line
 from stlbench.records.identity import Finite, Whole, first_problem
 
 KEY = "stlbench_observation"
@@ -148,7 +148,7 @@ class Observation:
         """Those of the task, in words: "x, y, omega / 8"."""
         if not self.middle:
             of = f" of {', '.join(self.names)}" if self.names else ""
-            return f"{self.size} feature{'s' * (self.size != 1)}{of}"
+            return f"{counted(self.size, 'feature')}{of}"
         more = f" and {self.size - _NAMED} more numbers" if self.size > _NAMED else ""
         return ", ".join(self._number(place) for place in range(min(self.size, _NAMED))) + more
 
@@ -157,7 +157,7 @@ class Observation:
         if self.steps is not None:
             parts.append(_time(self.steps))
         if self.inputs:
-            parts.append(f"{self.inputs} input{'s' * (self.inputs > 1)} of {self.method or 'a method'}")
+            parts.append(f"{counted(self.inputs, 'input')} of {self.method or 'a method'}")
         return one_line("; ".join(parts))
 
 

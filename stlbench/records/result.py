@@ -322,6 +322,17 @@ class Result:
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Versions, machine, jobs, time: facts that may explain a result and are no part of its key."""
 
+    @property
+    def measured(self) -> Measurement:
+        """The measurement, of a cell that is done."""
+        assert self.measurement is not None
+        return self.measurement
+
+    @property
+    def how(self) -> str:
+        """The end of the cell: "raised: ValueError: no luck"."""
+        return f"{self.status}: {self.reason}" if self.reason else self.status
+
     def __post_init__(self) -> None:
         provenance = {safe_line(name): safe_line(text) for name, text in self.provenance.items()}
         safe = {"reason": one_line(self.reason), "details": printable(self.details), "provenance": provenance}

@@ -139,6 +139,14 @@ def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:
     return CellFiles(folder / TRACES / name, folder / POLICIES / name, (folder / LOGS / name).with_suffix(".log"))
 
 
+def discard_arrays(folder: Path, cell: CellId, key: str) -> None:
+    """Remove what a cell saved that has no result. A link is left alone."""
+    files = cell_files(folder, cell, key)
+    for file in (files.traces, files.policies):
+        if is_there(file, folder):
+            file.unlink()
+
+
 def end_of_name(key: str) -> str:
     """How the names of the arrays of a result end. The key of a stranger's result may look like a path."""
     return f"_{key[:12]}.npz".replace("/", "_")
@@ -200,7 +208,7 @@ def end_of_log(log: Path, folder: Path, lines: int = 20) -> list[str]:
     return printable(text).splitlines()[-lines:]
 
 
-FILE = ".lock"  # its name in a folder of results. It stays there; what counts is whether a process holds it.
+_LOCK = ".lock"  # its name in a folder of results. It stays there; what counts is whether a process holds it.
 _PATIENCE = 0.5  # seconds for which a lock is tried
 
 
@@ -210,7 +218,7 @@ def writing(folder: Path) -> Iterator[None]:
 
     Raises `UsageError` if another process holds it, with its name, or if the folder cannot be written.
     """
-    path = folder / FILE
+    path = folder / _LOCK
     try:
         inside(path, folder).parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
@@ -225,7 +233,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 def writer(folder: Path) -> str | None:
     """The writer in the folder: "process 12 on host, since ..."; None if nobody does, or without locks."""
-    path = folder / FILE
+    path = folder / _LOCK
     if not is_there(path, folder):  # a pipe would be waited for
         return None
     with suppress(FileNotFoundError, PermissionError), to_read(path, folder) as file:

@@ -181,14 +181,10 @@ def _guarded(uri: str) -> sqlite3.Connection:
     database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, factory=_Connection)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
     _allow(database, _OPENING)
-    database.text_factory = _text
+    # SQLite takes any bytes for a text. Those that are no UTF-8 become a text that no row may have.
+    database.text_factory = lambda data: data.decode(errors="backslashreplace")
     database.execute("PRAGMA trusted_schema = OFF")
     return database
-
-
-def _text(data: bytes) -> str:
-    """SQLite takes any bytes for a text. Bytes that are no UTF-8 become a text that no row may have."""
-    return data.decode(errors="backslashreplace")
 
 
 def _allow(database: sqlite3.Connection, steps: int) -> None:

@@ -11,24 +11,11 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean, one_line
-from stlbench.records import stored
+from stlbench.records import result_files, results_folder
 from stlbench.records.identity import OUTSIDE, CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import is_lines
 from stlbench.records.result import ACCIDENTS, Result, Status
-from stlbench.records.result_files import (
-    LINES,
-    POLICIES,
-    TRACES,
-    cell_files,
-    end_of_name,
-    inside,
-    is_there,
-    names,
-    opened,
-    to_read,
-    writing,
-)
 from stlbench.records.rows import checksums_beside
 from stlbench.records.schema import way_out
 
@@ -63,13 +50,13 @@ class Verified(NamedTuple):
 
 def verify(folder: Path) -> Verified:
     """Check all that is recorded in a folder; nothing is written. Raises `UsageError` without results."""
-    if (file := stored.locate(folder)) is not None and is_lines(file):
-        return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
-    with Ledger(folder / FILE, create=False) as ledger:
+    if (file := results_folder.locate(folder)) is not None and is_lines(file):
+        return Verified(sum(1 for _ in results_folder.read(folder)), 0, (), (), 0)
+    with Ledger(folder / LEDGER, create=False) as ledger:
         if problems := ledger.problems():
             return Verified(0, 0, tuple(problems), (), 0)
         damages, there, rows, files, marked = list[Damage](), set[str](), 0, 0, 0
-        for row in ledger.recorded():
+        for row in ledger.inspected():
             rows, marked = rows + 1, marked + row.again
             there.update((row.key, row.own_key))
             if isinstance(row.result, str):
@@ -79,7 +66,7 @@ def verify(folder: Path) -> Verified:
                 damages += changed
                 files += len(row.files) - len(changed)
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
-        gone = {key: cell for key, cell in ledger.written().items() if key not in there}
+        gone = {key: cell for key, cell in ledger.recorded().items() if key not in there}
         damages += [Damage(key, cell, "row", "it was recorded, and is not there") for key, cell in gone.items()]
         keys = {*(row.key for row in ledger.listed()), *ledger.planned(), *gone}
         return Verified(
@@ -94,16 +81,16 @@ def verify(folder: Path) -> Verified:
 
 def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
     """A name ends in the beginning of a key. The plan has the key of a cell that was interrupted."""
-    known = {end_of_name(key) for key in keys}
+    known = {result_files.end_of_name(key) for key in keys}
     lengths = {len(end) for end in known}
-    for kind in (TRACES, POLICIES):
-        for name in names(folder / kind, folder, ".npz"):
+    for kind in (result_files.TRACES, result_files.POLICIES):
+        for name in result_files.names(folder / kind, folder, ".npz"):
             if not any(name[-length:] in known for length in lengths):
                 yield f"{kind}/{one_line(name)}"
 
 
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
-    paths, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
+    paths, there = result_files.cell_files(folder, result.id, result.key), checksums_beside(folder, result)
     for what, path in (("traces", paths.traces), ("policies", paths.policies)):
         if what in checksums and there.get(what) != checksums[what]:
             lacking = "is a link, or no file" if os.path.lexists(path) else "is missing"
@@ -116,12 +103,12 @@ def repair(folder: Path) -> Verified:
 
     Their results stay until then. Raises `UsageError` if the structure of the ledger is damaged.
     """
-    with writing(folder):
+    with result_files.writing(folder):
         checked = verify(folder)
         if checked.structure:
-            raise UsageError(f"the ledger {folder / FILE} is damaged; {way_out(folder / FILE)}")
+            raise UsageError(f"the ledger {folder / LEDGER} is damaged; {way_out(folder / LEDGER)}")
         if checked.damages:
-            with Ledger(folder / FILE) as ledger:
+            with Ledger(folder / LEDGER) as ledger:
                 for damage in checked.damages:
                     ledger.mark(damage.key, damage.own_key or damage.key)
     return checked
@@ -142,7 +129,7 @@ def choose(
     for status in statuses or ():
         if status not in get_args(Status):
             raise UsageError(f"no status '{status}'{did_you_mean(status, get_args(Status))}")
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         results = list(ledger.results())
     if names:
         known = {result.id.name for result in results}
@@ -154,7 +141,7 @@ def choose(
         if (not statuses or result.status in statuses) and budget in (None, result.id.budget)
     ]
     if not chosen:
-        raise UsageError(f"no such cell in {folder / FILE}")
+        raise UsageError(f"no such cell in {folder / LEDGER}")
     return chosen
 
 
@@ -169,7 +156,7 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 def remove(folder: Path, cells: Collection[CellId]) -> None:
     """Take cells out. If results of other seeds stay, they are planned, so that tables say that a seed is missing;
     else what is planned of their setting goes too."""
-    with writing(folder), Ledger(folder / FILE, create=False) as ledger:
+    with result_files.writing(folder), Ledger(folder / LEDGER, create=False) as ledger:
         keys = ledger.counted()
         staying = {cell.setting for cell in keys.keys() - cells if cell.track != OUTSIDE}
         leaving = {cell.setting for cell in cells} - staying
@@ -181,8 +168,8 @@ def remove(folder: Path, cells: Collection[CellId]) -> None:
 def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     """Take one cell out, for what writes in the folder already."""
     for key in ledger.remove(cell):
-        for file in cell_files(folder, cell, key):
-            inside(file, folder).unlink(missing_ok=True)
+        for file in result_files.cell_files(folder, cell, key):
+            result_files.inside(file, folder).unlink(missing_ok=True)
 
 
 class Merged(NamedTuple):
@@ -204,12 +191,11 @@ def merge(into: Path, source: Path) -> Merged:
     """
     if into.resolve() == source.resolve():
         raise UsageError(f"{source} cannot be merged into itself")
-    incoming = list(stored.read(source))
-    if stored.locate(into) and not (into / FILE).is_file():
-        raise UsageError(f"{into} has no {FILE} but {LINES}; merge into a new folder, and export that")
+    incoming = list(results_folder.read(source))
+    results_folder.refuse_lines(into, "merge into a new folder, and export that")
     damaged = {(damage.key, damage.what) for damage in verify(source).damages}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
-    with writing(into), Ledger(into / FILE) as ledger:
+    with result_files.writing(into), Ledger(into / LEDGER) as ledger:
         present = {result.id: result for result in ledger.results()}
         for result in incoming:
             before = present.get(result.id)
@@ -246,16 +232,17 @@ def _agree(result: Result, before: Result) -> bool:
 def _plan(source: Path, ledger: Ledger) -> int:
     """Take over the missing cells of the source's plan; the number of cells that are new to the ledger."""
     known = {*ledger.counted(), *ledger.planned().values()}
-    new = {key: cell for key, cell in stored.missing(source).items() if cell not in known}
+    new = {key: cell for key, cell in results_folder.missing(source).items() if cell not in known}
     ledger.plan_also(new)
     return len(new)
 
 
 def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
-    here, there = cell_files(source, result.id, result.key), cell_files(into, result.id, result.key)
-    for kind, recorded in here._asdict().items():
+    cell = result.id, result.key
+    here, there = (result_files.cell_files(folder, *cell)._asdict() for folder in (source, into))
+    for kind, recorded in here.items():
         if (result.key, kind) in damaged:
             yield str(recorded)
-        elif is_there(recorded, source):
-            with to_read(recorded, source) as content, opened(getattr(there, kind), into) as copy:
+        elif result_files.is_there(recorded, source):
+            with result_files.to_read(recorded, source) as content, result_files.opened(there[kind], into) as copy:
                 shutil.copyfileobj(content, copy)

@@ -76,6 +76,8 @@ _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VALUE = re.compile(r"[A-Za-z0-9._+-]+")
 _PLACE = re.compile(r"[A-Za-z0-9._+:/~@%-]+")
 """Further parameters of an executor, which are in no key and in no name of a file: addresses and paths."""
+LOCAL = "local"
+"""The executor where nobody names another: it runs cells on this machine."""
 
 
 @dataclass(frozen=True, order=True)

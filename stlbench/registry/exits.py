@@ -64,12 +64,8 @@ def _watched(what: str) -> Iterator[None]:
 
     slow = threading.Timer(_LONG, _tell, [f"warning: {what} is still being imported, after {_LONG:g} s"])
     slow.daemon = True
-    words = [
-        _SHELL,
-        "-c",
-        'read -r _ || printf "%s\\n" "$0" >&2',
-        f"error: {what} ended the process as it was imported",
-    ]
+    said = f"error: {what} ended the process as it was imported"
+    words = [_SHELL, "-c", 'read -r _ || printf "%s\\n" "$0" >&2', said]
     try:
         beside = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)  # noqa: S603 - words of our own
     except OSError:  # there is no such shell, or no process more

@@ -49,12 +49,8 @@ class Code:
             path = _path(name)
             if path is None or _digest(path) != digest:
                 return str(path or name)
-        packages = (name for name, version in self.packages if _version(name) != version)
+        packages = (name for name, version in self.packages if version_of(name) != version)
         return next(packages, None)
-
-
-def fingerprint(module: str) -> str:
-    return code_of(module).digest
 
 
 def code_of(module: str, *, packages: bool = True) -> Code:
@@ -232,7 +228,7 @@ def _versions(top: str, packages: bool) -> dict[str, str] | None:
     if not _INSTALLED.intersection(place.parts):
         return None
     named = _distributions(top, place) if packages else ()
-    return {name: _version(name) for name in named} if named or not packages else None
+    return {name: version_of(name) for name in named} if named or not packages else None
 
 
 @lru_cache(maxsize=1024)
@@ -244,16 +240,17 @@ def _distributions(top: str, place: Path) -> tuple[str, ...]:
             return (named.metadata["Name"],)
     except metadata.PackageNotFoundError:
         pass
-    return tuple(sorted(set(_all_distributions().get(top, ()))))
+    return tuple(sorted(set(all_distributions().get(top, ()))))
 
 
 @lru_cache(maxsize=1)
-def _all_distributions() -> dict[str, list[str]]:
+def all_distributions() -> dict[str, list[str]]:
+    """Top-level module -> the distributions that have it."""
     return dict(metadata.packages_distributions())
 
 
 @lru_cache(maxsize=1024)
-def _version(distribution: str) -> str:
+def version_of(distribution: str) -> str:
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -8,7 +8,8 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -20,7 +21,7 @@ from stlbench.errors import DISTRIBUTION, UsageError, cause, did_you_mean, one_l
 from stlbench.registry import choices, fingerprint
 from stlbench.registry.breaches import breach, misfit
 from stlbench.registry.choices import Choice
-from stlbench.registry.exits import exits_raise, importing
+from stlbench.registry.exits import exits_raise, importing, interrupts_raise
 
 
 def entries(group: str, warn: Callable[[str], None]) -> Iterator[tuple[str, str, str, EntryPoint]]:
@@ -171,7 +172,7 @@ def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
     """The path is what the answer depends on."""
     by_name = dict[str, Plugin]()
     found = [Plugin(kind, *entry) for entry in entries(f"stlbench.{kind}", _warn)]
-    for plugin in sorted(found, key=_precedence):
+    for plugin in sorted(found, key=lambda one: (one.name, not one.is_own, one.distribution, one.entry_point.value)):
         if not choices.NAME.fullmatch(plugin.name):
             _warn(f"{plugin} is ignored: a plugin's name consists of a-z, 0-9 and -, and does not begin with -")
         elif plugin.name in by_name:
@@ -179,10 +180,6 @@ def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
         else:
             by_name[plugin.name] = plugin
     return by_name
-
-
-def _precedence(plugin: Plugin) -> tuple[str, bool, str, str]:
-    return plugin.name, plugin.distribution != OWN, plugin.distribution, plugin.entry_point.value
 
 
 def _warn(message: str) -> None:
@@ -200,11 +197,70 @@ def find(kind: str, name: str) -> Plugin:
 def known(kind: str, name: str) -> Plugin | None:
     """The plugin of that name, or the task that a suite has; None where there is none."""
     plugin = available(kind).get(name)
-    if plugin is None and kind == "tasks":
-        from stlbench.registry import named_tasks  # which are plugins
+    return suite_task(name) if plugin is None and kind == "tasks" else plugin
 
-        return named_tasks.task(name)
-    return plugin
+
+@dataclass(frozen=True)
+class SuitePlugin(Plugin):
+    """A task of a suite, in the place of an entry point."""
+
+    suite: Plugin
+    member: str  # its name within the suite: unicycle/sequence/7
+
+    @property
+    def file(self) -> str:
+        return self._made.file
+
+    def _imported(self) -> object:
+        return self._made.system
+
+    @property
+    def _made(self) -> contract.SuiteTask:
+        task = made(self.suite).task(self.member)
+        if not (isinstance(task, contract.SuiteTask) and isinstance(task.file, str)):
+            raise PluginError(f"{self.suite}: task({self.member!r}) gives no SuiteTask with the text of a file")
+        return task
+
+
+def made(plugin: Plugin) -> contract.Suite:
+    """The suite. Raises `PluginError` where it breaks its contract, or what it is asked first raises."""
+    return _made(plugin)[0]
+
+
+@lru_cache
+def _made(plugin: Plugin) -> tuple[contract.Suite, Mapping[str, str]]:
+    """The suite with the names of its tasks: as a task, without that of the suite -> within the suite."""
+    try:
+        with interrupts_raise():
+            suite = cast(contract.Suite, plugin.load()())
+            names, splits, problem = suite.names, suite.splits, breach(suite)
+            if not problem and (wrong := [name for name in names if not _is_name(name)]):
+                problem = f"its names have {wrong[0]!r}, the contract says parts of a-z, 0-9 and - with slashes between"
+            known = set() if problem else {*names}
+            for split in () if problem else splits:
+                if not isinstance(splits[split], Sequence) or {*splits[split]} - known:
+                    problem = f"its split {split!r} has what is none of its names"
+    except PluginError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{plugin} cannot be asked for its tasks: {cause(error)}") from error
+    if problem:
+        raise PluginError(f"{plugin}: {one_line(problem)}")
+    return suite, {name.replace("/", "-"): name for name in names}
+
+
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and all(map(choices.NAME.fullmatch, name.split("/")))
+
+
+def suite_task(name: str) -> SuitePlugin | None:
+    """The plugin of the task `suite-unicycle-sequence-7`; None where no suite has it."""
+    for suite in available("suites").values():
+        if name.startswith(f"{suite.name}-"):
+            member = _made(suite)[1].get(name.removeprefix(f"{suite.name}-"))
+            if member is not None:
+                return SuitePlugin("tasks", name, suite.distribution, suite.version, suite.entry_point, suite, member)
+    return None
 
 
 def _about(kind: str, word: str) -> list[str]:
@@ -238,6 +294,18 @@ def blamed(error: BaseException) -> str | None:
     return None
 
 
+@contextmanager
+def guarded(who: str) -> Iterator[None]:
+    """An error in a plugin's code is a `UsageError` that begins with who it was; `Unsuitable` says the rest itself."""
+    try:
+        yield
+    except UsageError:
+        raise
+    except (Exception, SystemExit) as error:
+        said = one_line(error) if isinstance(error, contract.Unsuitable) else cause(error)
+        raise UsageError(f"{who}: {said}") from error
+
+
 def place(kind: type, what: str) -> int | None:
     """The place of a class among those to try first for a kind of actions or of formula; None without one.
 
@@ -259,15 +327,8 @@ def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
     return loaded, problems
 
 
-def parameters(plugin: Plugin) -> dict[str, tuple[str, Any]]:
-    """Parameter -> (type as text, default), in the constructor's order; `inspect.Parameter.empty` is no default.
-
-    Raises `PluginError` if the plugin cannot be loaded.
-    """
-    return {name: (entry.text, entry.default) for name, entry in _declared(plugin).items()}
-
-
-def _declared(plugin: Plugin) -> dict[str, choices.Parameter]:
+def parameters(plugin: Plugin) -> dict[str, choices.Parameter]:
+    """The parameters in the constructor's order. Raises `PluginError` if the plugin cannot be loaded."""
     kind = plugin.load()
     try:
         return choices.declared(kind)
@@ -283,16 +344,18 @@ def check(
     `origin` ends the message about a wrong value among the `defaults`.
     """
     plugin = find(kind, choice.name)
-    return choices.check(_declared(plugin), choice, defaults, origin)
+    return choices.check(parameters(plugin), choice, defaults, origin)
 
 
-def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None) -> Any:
+def build(
+    kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None, origin: str = " in the recipe"
+) -> Any:
     """Make what the user chose: load the class, check the parameters, call it.
 
-    The constructor gets `args`, as the contract of this kind says, and the `defaults` of a recipe, which the choice's
-    parameters override. Raises `UsageError` if the plugin cannot be loaded or a parameter is wrong.
+    The constructor gets `args`, as the contract of this kind says, and the `defaults`, which the choice's parameters
+    override; `origin` as for `check`. Raises `UsageError` if the plugin cannot be loaded or a parameter is wrong.
     """
-    keywords, plugin = check(kind, choice, defaults), find(kind, choice.name)
+    keywords, plugin = check(kind, choice, defaults, origin), find(kind, choice.name)
     loaded = plugin.load()
     if problem := misfit(loaded, args, keywords):
         raise plugin.error(problem)

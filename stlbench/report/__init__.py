@@ -9,66 +9,34 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench.records import result_files
+from stlbench.records import result_files, results_folder
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
+from stlbench.report.tables import runs
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
 from stlbench.report.tables.comparisons import Comparison, advice, answer_table, compare, comparisons_table, verdicts
-from stlbench.report.tables.rows import Group, Row, group, missing_row, row, split, trained
-from stlbench.report.tables.runs import (
-    cells_table,
-    circumstances,
-    overview,
-    robustness_table,
-    time_table,
-    unfinished_table,
-)
+from stlbench.report.tables.rows import Group, group, missing_row, row, split, trained
 from stlbench.report.tables.sampled import groups_table, pairs_table
-from stlbench.report.tables.table import (
-    Column,
-    Table,
-    Value,
-    Width,
-    show,
-    to_csv,
-    to_latex,
-    to_markdown,
-    to_records,
-    to_screen,
-)
+from stlbench.report.tables.table import Table, Width, to_csv, to_latex, to_markdown
 from stlbench.report.tables.yardsticks import Aligned, Known, align, alignment_table, best_known, controllers_table
 
 if TYPE_CHECKING:
     from stlbench.report.figures.regions import Load
     from stlbench.tracks.references import References
 
-__all__ = [
-    "Column",
-    "Group",
-    "Report",
-    "Row",
-    "Table",
-    "Value",
-    "Width",
-    "condense",
-    "only",
-    "show",
-    "to_csv",
-    "to_latex",
-    "to_markdown",
-    "to_records",
-    "to_screen",
-    "write",
-]
-
 
 def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple[Group, ...]:
     """Read results one at a time, and gather a few numbers of each in groups that differ in nothing but the seed.
 
-    The `missing` are cells that were planned and have no result (`Ledger.missing`).
+    The `missing` are cells that were planned and have no result.
     """
     return group(chain(map(row, results), map(missing_row, missing)))
+
+
+def groups_of(folder: Path) -> tuple[Group, ...]:
+    """All cells of a folder of results, also those that are missing. Raises `UsageError` as `results_folder.read`."""
+    return condense(results_folder.read(folder), results_folder.missing(folder).values())
 
 
 def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]:
@@ -106,11 +74,11 @@ class Report:
 
     @cached_property
     def overview(self) -> Table:
-        return overview(self.learned, self.known, advice(self.pairs))
+        return runs.overview(self.learned, self.known, advice(self.pairs))
 
     @cached_property
     def robustness(self) -> Table:
-        return robustness_table(self.learned, self.known, self.outside)
+        return runs.robustness_table(self.learned, self.known, self.outside)
 
     @cached_property
     def comparisons(self) -> Table:
@@ -132,8 +100,8 @@ class Report:
                 {name: self.references[name] for name in self.references if name in names}
             ),
             "alignment": alignment_table(self.aligned),
-            "time": time_table(self.learned),
-            "cells": cells_table(
+            "time": runs.time_table(self.learned),
+            "cells": runs.cells_table(
                 (row for group in self.groups for row in group.rows),
                 {name: reference.groups for name, reference in self.references.items()},
             ),
@@ -143,7 +111,7 @@ class Report:
     def summary(self) -> tuple[Table, ...]:
         """The tables that a reader is shown, in this order; tables without a row are left out."""
         of_tasks = [self.tables[name] for name in ("robustness", "comparisons", "controllers", "alignment", "time")]
-        tables = (self.tables["overview"], *self.across, *of_tasks, unfinished_table(self.groups))
+        tables = (self.tables["overview"], *self.across, *of_tasks, runs.unfinished_table(self.groups))
         return (*self.first, *(table for table in tables if table.rows))
 
     @property
@@ -151,7 +119,7 @@ class Report:
         """A screen's answer: what was learned, or else planned, what went wrong, and a line for each two methods."""
         policies = [*self.learned, *self.outside]
         found = answer_table(policies, self.known) if policies else self.tables["alignment"]
-        shown = [table for table in (*self.first, found, unfinished_table(self.groups)) if table.rows]
+        shown = [table for table in (*self.first, found, runs.unfinished_table(self.groups)) if table.rows]
         return (*shown, *verdicts(self.pairs))
 
     @property
@@ -161,7 +129,7 @@ class Report:
 
     @property
     def circumstances(self) -> Table:
-        return circumstances(trained(self.groups))
+        return runs.circumstances(trained(self.groups))
 
     @cached_property
     def outside(self) -> tuple[Group, ...]:

@@ -19,22 +19,15 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import OUTSIDE, Setting
 from stlbench.records.result import Result
 from stlbench.records.result_files import TRACES, cell_files, end_of_log, is_there, names, read, write
-from stlbench.records.stored import Find
+from stlbench.records.results_folder import Find
 from stlbench.registry.choices import Choice
 from stlbench.report import Report
-from stlbench.report.figures.files import (
-    Drawing,
-    drawings_across,
-    drawings_of_alignment,
-    drawings_of_overview,
-    drawings_of_tasks,
-    svg_of,
-)
+from stlbench.report.figures import files
 from stlbench.report.figures.regions import Load, terms
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.tables.comparisons import verdicts
-from stlbench.report.tables.rows import Group, Row
-from stlbench.report.tables.runs import CELL, if_done, score_columns, scores_and_cost
+from stlbench.report.tables.rows import Group, Row, columns_of
+from stlbench.report.tables.runs import CELL, MEASUREMENT, score_columns, scores_and_cost
 from stlbench.report.tables.table import Column, Table, show
 from stlbench.simulation.faults import Ask
 from stlbench.task.task import Task
@@ -64,7 +57,7 @@ def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     scores, further = score_columns(lambda each: each.score, [row.measurement for row in rows if row.measurement])
     scores[Column("cell CPU", unit="s", digits=1)] = lambda each: each.cpu_seconds
     *first, reason = CELL.items()
-    full = {replace(column, short=""): value for column, value in if_done(scores).items()}
+    full = {replace(column, short=""): value for column, value in columns_of(MEASUREMENT, scores).items()}
     columns = {**dict(first), **full, **dict([reason])}
     return rows, Table.of("Cells", rows, columns, (*notes, *further)).trimmed()
 
@@ -74,15 +67,15 @@ def cell_part(row: Row, result: Result | None, folder: Path) -> Shown:
     if result is None:
         facts = {"status": row.status, "budget": row.id.budget}
         return {"name": row.id.name, "facts": list(facts.items()), "tables": [], "texts": [], "provenance": []}
-    files, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
-    written = "\n".join(end_of_log(files.log, folder, _LOG_LINES))
-    log = str(files.log.relative_to(folder)) if written else "none here: the cell wrote nothing, or it was not kept"
+    saved, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
+    written = "\n".join(end_of_log(saved.log, folder, _LOG_LINES))
+    log = str(saved.log.relative_to(folder)) if written else "none here: the cell wrote nothing, or it was not kept"
     facts = {
         "status": result.status,
         "reason": result.reason,
         "budget": result.id.budget,
         "track": result.id.track,
-        "policy": _policy(result, files.policies, folder),
+        "policy": _policy(result, saved.policies, folder),
         "log": log,
     }
     texts = {"Traceback": result.details, "End of its log": written}
@@ -151,7 +144,7 @@ class _Room:
         self.left -= len(picture.data)
         return picture
 
-    def drawn(self, drawing: Drawing) -> list[Picture]:
+    def drawn(self, drawing: files.Drawing) -> list[Picture]:
         """The picture, if there is room for one."""
         return [self.take(_picture(drawing.label, drawing.draw()))] if self.left > 0 else []
 
@@ -212,8 +205,11 @@ class _Page:
     def text(self, tell: Tell) -> str:
         report = self.report
         embedded, links = self._opened()
-        first = [picture for each in drawings_of_overview(report.learned) for picture in self.room.drawn(each)]
-        over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
+        first = [picture for each in files.drawings_of_overview(report.learned) for picture in self.room.drawn(each)]
+        over_all = (
+            *files.drawings_across(report.fields, self.colours),
+            *files.drawings_of_alignment(report.aligned, self.load),
+        )
         pictures = [picture for drawing in over_all for picture in self.room.drawn(drawing)]
         of_tasks, without = self._of_tasks()
         parts, done = list[Shown](), 0
@@ -268,7 +264,7 @@ class _Page:
 
     def _of_tasks(self) -> tuple[dict[Choice, list[Picture]], set[Choice]]:
         """The pictures of each task, as long as there is room: first one of each; and the tasks that lack some."""
-        drawings = drawings_of_tasks(self.report.learned, self.colours, self.load)
+        drawings = files.drawings_of_tasks(self.report.learned, self.colours, self.load)
         pictures = {choice: self.room.drawn(own[0]) for choice, own in drawings.items()}
         for choice, own in drawings.items():
             pictures[choice] += [picture for drawing in own[1:] for picture in self.room.drawn(drawing)]
@@ -312,8 +308,7 @@ class _Page:
 
         bands = bands_of(task.choice, (setting.method for setting in stories), self.ask)
         for setting, story in stories.items():
-            track = "" if setting.track == "shared" else f", {setting.track}"
-            name = f"{setting.method} ({setting.agent}, {setting.budget}{track})"
+            name = f"{setting.method} ({', '.join((str(setting.agent), setting.budget, *setting.other_track))})"
             colour = self.colours[str(setting.method)]
             figures = figures_of(task, story, bands[setting.method], name, colour) if self.room.left > 0 else ()
             yield name, [self.room.take(_picture(label, figure)) for label, figure in figures]
@@ -337,7 +332,7 @@ def _rendered(**content: Any) -> str:
 
 def _picture(label: str, figure: Figure) -> Picture:
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return Picture(label, base64.b64encode(svg_of(figure, alone=True)).decode(), (width, height))
+    return Picture(label, base64.b64encode(files.svg_of(figure, alone=True)).decode(), (width, height))
 
 
 def _size(data: bytes) -> tuple[int, int]:

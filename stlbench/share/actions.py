@@ -147,7 +147,4 @@ def read_actions(path: Path, actions: Actions) -> Array:
         if name not in table.names:
             raise UsageError(f"{path}: there is no column '{name}'; the task's actions have {', '.join(actions.names)}")
     vectors = np.column_stack([table.column(name) for name in actions.names])
-    if wrong := out_of_range(actions, vectors):
-        raise UsageError(f"{path}: {wrong}")
-    clipped: Array = np.clip(vectors, actions.low, actions.high)
-    return clipped
+    return _vectors(vectors, actions, str(path))

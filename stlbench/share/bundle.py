@@ -21,7 +21,7 @@ import yaml
 
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
-from stlbench.records import array_files, stored
+from stlbench.records import array_files, results_folder
 from stlbench.records.lines import text_of
 from stlbench.records.result import Result
 from stlbench.records.result_files import LINES, POLICIES, TRACES, cell_files, is_there, names, opened, read
@@ -77,7 +77,7 @@ def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:
 def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
-    yield LINES, text_of(results, stored.missing(folder)).encode()
+    yield LINES, text_of(results, results_folder.missing(folder)).encode()
     paths = [folder / name for name in names(folder, folder, _TABLES)]
     paths += [cell_files(folder, result.id, result.key).policies for result in kept]
     paths += [cell_files(folder, result.id, result.key).traces for result in results if traces]
@@ -213,9 +213,9 @@ def check(path: Path) -> Checked:
 def results_in(folder: Path) -> Results:
     """The results of an unpacked bundle, from its lines alone: a ledger might name code of this machine.
 
-    Raises `UsageError` as `stored.read`.
+    Raises `UsageError` as `results_folder.read`.
     """
-    return Results.of(stored.read(folder / LINES), folder)
+    return Results.of(results_folder.read(folder / LINES), folder)
 
 
 def _file(folder: Path, result: Result) -> Path:

@@ -92,9 +92,8 @@ def _write(folder: Path, group: Sequence[Result], name: str, place: Path) -> Pat
     buffers, labels = list[EpisodeBuffer](), list[dict[str, Any]]()
     for result in group:
         played = ask_one(Question(play, (folder, result), plugins_of(result.id), f"{result.id.name} cannot act"))
-        assert result.measurement is not None
-        assert result.measurement.policies is not None
-        made_by = {"cell": result.id.name, "policy": result.measurement.policies.selected}
+        assert result.measured.policies is not None
+        made_by = {"cell": result.id.name, "policy": result.measured.policies.selected}
         for episode in played.episodes:
             buffers.append(_buffer(EpisodeBuffer, episode))
             labels.append({"robustness": episode.robustness, "satisfied": episode.satisfied, **made_by})
@@ -165,7 +164,7 @@ def play(folder: Path, result: Result) -> Played:
         traces, lasted = referee.simulate(task, method, seen.act, part)
         score = referee.score(task, traces, lasted=lasted)
         width = seen.observed[0].shape[1] - method.input_size
-        observed = np.stack([*seen.observed, seen.last()], axis=1)[..., :width].astype(np.float32)
+        observed = np.stack([*seen.observed, seen.simulator.observe()], axis=1)[..., :width].astype(np.float32)
         acted = np.stack(seen.acted, axis=1)
         for number, steps in enumerate(lasted):
             decisions = -(-int(steps) // task.file.hold)
@@ -196,10 +195,6 @@ class _Seen:
         self.acted.append(self.policy.act(self.observed[-1]))
         action: Integers | Array = self.acted[-1]
         return action
-
-    def last(self) -> Array:
-        """Its view at the end."""
-        return self.simulator.observe()
 
 
 def _samples(trace: Array, decisions: int, hold: int) -> Array:

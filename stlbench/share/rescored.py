@@ -14,7 +14,7 @@ from stlbench.records.array_files import Which
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
-from stlbench.report import Column, Table, Value
+from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.bundle import METADATA, About, check, read_metadata, results_in, unpacked
 from stlbench.simulation.faults import Question, Unanswered, plugins_of
 from stlbench.simulation.referee import Referee
@@ -66,9 +66,8 @@ def rescore(path: Path) -> Iterator[Rescored]:
         for some in (results[begin : begin + _TOGETHER] for begin in range(0, len(results), _TOGETHER)):
             questions = [score_question(result.id.task, result, folder, "selected") for result in some]
             for result, again in zip(some, ask(questions, LONG), strict=True):
-                assert result.measurement is not None
                 found, why = (None, again.reason) if isinstance(again, Unanswered) else (again, "")
-                yield Rescored(result.id, result.measurement.selected, found, why)
+                yield Rescored(result.id, result.measured.selected, found, why)
 
 
 _TOGETHER = 8

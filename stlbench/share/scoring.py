@@ -10,13 +10,13 @@ from typing import Any, Literal, NamedTuple
 
 from stlbench.contract import Array, GymTask, Intractable, RewardMethod, System, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.records import array_files, stored, upkeep
+from stlbench.records import array_files, results_folder, upkeep
 from stlbench.records.array_files import Assessment
 from stlbench.records.identity import OUTSIDE, CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.observation import Observation
 from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Score
-from stlbench.records.result_files import LINES, cell_files, inside, writing
+from stlbench.records.result_files import cell_files, inside, writing
 from stlbench.registry import named_tasks
 from stlbench.registry.choices import NAME, Choice
 from stlbench.share.actions import OnObservation, OnState, numbers_of, read_actions
@@ -49,8 +49,7 @@ class Shown:
 
 class Scored(NamedTuple):
     measurement: Measurement  # with what is known of it: scores, and nothing of a training
-    traces: Array  # (N, T + 1, k): those behind the main score
-    states: Array | None  # (N, decisions + 1, n): the states behind them; None of recorded traces
+    assessment: Assessment  # without states if it is of recorded traces
     starts: str  # whose they are, in words
     observation: str = ""  # what the policy was shown, in words; empty of recorded traces
     moved: str = ""  # how many of its actions were moved to the task's grid, and how far; empty where none was
@@ -68,16 +67,16 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
             raise UsageError(f"{source.text} has traces, which are shown nothing; leave --method and --on out")
         traces, lasted = load_traces(source.path, task)
         try:
-            scores = {MAIN: referee.score(task, traces, lasted=lasted)}
+            assessment = Assessment({MAIN: referee.score(task, traces, lasted=lasted)}, traces, None)
         except ValueError as error:
             raise UsageError(f"{source.text}: {error}") from error
         starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"
-        return Scored(_measured(scores, begun), traces, None, starts)
+        return Scored(_measured(assessment.scores, begun), assessment, starts)
     played = play(task, source, shown)
     assessment = referee.Referee(task, played.method, random_starts).assess(played.policy)
     measured = _measured(assessment.scores, begun, played.method.input_size)
     moved = played.policy.moved.text({name: axis.unit for name, axis in task.file.actions.items()}, task.actions.names)
-    return Scored(measured, assessment.traces, assessment.states, "the report's starts", played.observation, moved)
+    return Scored(measured, assessment, "the report's starts", played.observation, moved)
 
 
 class Played(NamedTuple):
@@ -204,18 +203,12 @@ def record(folder: Path, entry: Entry) -> Result | None:
     Raises `UsageError` if the folder has no ledger but lines of text, or cannot be written.
     """
     result = entry.result
-    if stored.locate(folder) and not (folder / FILE).is_file():
-        raise UsageError(f"{folder} has no {FILE} but {LINES}; say another folder by --results")
-    path = cell_files(folder, result.id, result.key).traces
-    with writing(folder), Ledger(folder / FILE) as ledger:
+    results_folder.refuse_lines(folder, "say another folder by --results")
+    with writing(folder), Ledger(folder / LEDGER) as ledger:
         before = next((each for each in ledger.results() if each.id == result.id), None)
         if before is not None:
             upkeep.take_out(folder, ledger, before.id)
-        scored, place = entry.scored, inside(path, folder)
-        if scored.states is None:
-            array_files.save_samples(place, scored.traces, entry.signals)
-        else:
-            assessment = Assessment(dict(scored.measurement.selected), scored.traces, scored.states)
-            array_files.save_traces(place, assessment, entry.signals)
+        traces = inside(cell_files(folder, result.id, result.key).traces, folder)
+        array_files.save_traces(traces, entry.scored.assessment, entry.signals)
         ledger.record(result)
     return before

@@ -19,7 +19,7 @@ import numpy as np
 from stlbench.contract import Array
 from stlbench.errors import UsageError, cause, did_you_mean
 from stlbench.records.array_files import read_saved
-from stlbench.registry.fingerprint import fingerprint
+from stlbench.registry.fingerprint import code_of
 from stlbench.share.trace_table import read_table, times_of
 from stlbench.simulation.referee import Episodes
 from stlbench.simulation.verdicts import last_steps
@@ -67,7 +67,7 @@ class Source:
         """The file's, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
         if self.kind == "function":
             from_here()
-            return fingerprint(self.text.partition(":")[0])
+            return code_of(self.text.partition(":")[0]).digest
         return _sha256(self.path)
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError, one_line, unwritable
-from stlbench.records import array_files, stored
+from stlbench.records import array_files, results_folder
 from stlbench.records.array_files import read_policy
 from stlbench.records.result import LEARNED, MAIN, Result
 from stlbench.records.result_files import inside, write
@@ -133,14 +133,14 @@ class Delivery:
     def _page(self, task: Task, facts: Mapping[str, Any], attacked: Falsification | None) -> None:
         """The page, or without its package the tables and figures as files."""
         cells = self.cells
-        groups = condense(stored.read(cells))
+        groups = condense(results_folder.read(cells))
         report = Report(groups, references((group.setting for group in groups), ask))
         try:
             require()
         except UsageError:
             write_report(report, cells, load_guarded)
             raise
-        with stored.one_by_one(cells) as find:
+        with results_folder.one_by_one(cells) as find:
             opening = self._opening(task, facts, attacked)
             write_page(report, find, cells, load_guarded, ask, self.folder / "page.html", opening=opening)
 

@@ -16,15 +16,15 @@ import numpy as np
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
-from stlbench.registry.choices import Choice
+from stlbench.registry.choices import LOCAL, Choice
 from stlbench.solver import tries
 from stlbench.solver.contestants import Contestant, along, best_first, contestants, playing, rank, resumes, searcher
+from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
-from stlbench.solver.start import Start
 from stlbench.solver.workspace import Workspace
 from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
@@ -97,9 +97,9 @@ class Trainer:
     """Gets a header line for each phase."""
     progress: bool
     """Whether each study prints how it goes on."""
-    executor: str = "local"
+    executor: str = LOCAL
     jobs: int | None = None
-    start: Start | None = None
+    start: EarlierPolicy | None = None
     """The policy from which all trainings start."""
 
     def train(
@@ -216,7 +216,7 @@ class Trainer:
 
     def _done(self, folder: str) -> list[Result]:
         place = self.workspace.folder / folder
-        return [each for each in stored.read(place) if each.measurement is not None] if place.is_dir() else []
+        return [each for each in results_folder.read(place) if each.measurement is not None] if place.is_dir() else []
 
     def _plan(self, racing: Sequence[Contestant], probe: Result) -> int:
         """How many contestants, the first of them, the time lets learn; write them, and the budgets of the rungs.

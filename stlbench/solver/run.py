@@ -13,14 +13,15 @@ import gymnasium
 
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.result import Result
+from stlbench.registry.choices import LOCAL
 from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
 from stlbench.solver.contestants import best_first
 from stlbench.solver.deliver import Delivery, sentence
+from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
 from stlbench.solver.solution import FILE, Solution
-from stlbench.solver.start import Start
 from stlbench.solver.workspace import is_of, workspace_of
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
@@ -40,7 +41,7 @@ def solve(
     time: Literal["steps", "seconds"] | None = None,
     terminated: EarlyEnd | None = None,
     start: str | Path | None = None,
-    executor: str = "local",
+    executor: str = LOCAL,
     jobs: int | None = None,
     progress: bool = False,
 ) -> Solution:
@@ -89,7 +90,7 @@ def solve(
     def say(text: str) -> None:
         note(f"== {text}; {duration(clock.left)} left" if clock.left else f"== {text}")
 
-    begun = None if start is None else Start.of(Path(start))
+    begun = None if start is None else EarlierPolicy.of(Path(start))
     problem = Problem(identifier, formula, texts, time, terminated, keywords, None if begun is None else begun.digest)
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")

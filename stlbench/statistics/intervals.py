@@ -23,6 +23,11 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    @property
+    def percent(self) -> Interval:
+        """The interval of a share, in percent."""
+        return Interval(100 * self.low, 100 * self.high)
+
 
 def median(values: Sequence[float]) -> float:
     return float(np.median(values))

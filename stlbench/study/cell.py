@@ -61,7 +61,7 @@ def read_recipes(path: Path) -> Recipes:
     """The recipes of a file that `stlbench tune` wrote. Raises `UsageError` with the entry that is wrong."""
     try:
         recipes = load_yaml(path.read_text(encoding="utf-8"), str(path))["recipes"]
-        recipes_found = TypeAdapter(dict[str, dict[str, dict[str, Recipe]]]).validate_python(recipes)
+        found = TypeAdapter(_Found).validate_python(recipes)
     except UsageError as error:
         raise UsageError(f"cannot read the recipes {one_line(error)}") from error
     except (OSError, UnicodeError) as error:
@@ -70,12 +70,7 @@ def read_recipes(path: Path) -> Recipes:
         raise UsageError(f"{path}: a file of recipes has the key recipes, as `stlbench tune` writes it") from error
     except ValidationError as error:
         raise UsageError(f"{path}: {first_problem(error, 'recipes')}") from error
-    return Recipes(recipes_found, str(path))
-
-
-def task_of(cell: CellId, recipe: Recipe | None = None) -> Task:
-    """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
-    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
+    return Recipes(found, str(path))
 
 
 def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = None) -> Task:
@@ -104,24 +99,9 @@ def own_agent_on(task: Task, track: Track) -> str:
 
 def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None:
     """Write a file that `read_recipes` reads, with facts of how they were found. Raises `UsageError`."""
-    content = {
-        **facts,
-        "recipes": {
-            task: {
-                agent: {method: _written(recipe) for method, recipe in methods.items()}
-                for agent, methods in agents.items()
-            }
-            for task, agents in recipes.items()
-        },
-    }
+    content = {**facts, "recipes": TypeAdapter(_Found).dump_python(recipes, exclude_defaults=True)}
     written = yaml.safe_dump(content, sort_keys=False, width=100)
-    text = f"# Recipes of the track tuned, written by `stlbench tune`.\n{written}"
-    write(path, text)
-
-
-def _written(recipe: Recipe) -> dict[str, Any]:
-    agent = {"agent": dict(recipe.agent)} if recipe.agent else {}
-    return agent if recipe.hold is None else {**agent, "hold": recipe.hold}
+    write(path, f"# Recipes of the track tuned, written by `stlbench tune`.\n{written}")
 
 
 @dataclass(frozen=True)
@@ -143,7 +123,7 @@ class Cell:
         """The task as the cell's track and recipe have it. Raises `UsageError` where it is not installed."""
         if self.folder is not None:
             named_tasks.know(self.folder)  # this process may be another than the one in which the user named the folder
-        return task_of(self.id, self.recipe)
+        return on_track(load_task(self.id.task), self.id.agent, self.id.track, self.recipe)
 
     def ended(
         self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None

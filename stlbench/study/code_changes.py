@@ -10,7 +10,7 @@ from pathlib import Path
 from stlbench.errors import DiskFull, one_line
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result
-from stlbench.records.result_files import cell_files, inside
+from stlbench.records.result_files import discard_arrays
 from stlbench.registry import named_tasks
 from stlbench.study.cell import Cell, digest
 from stlbench.study.provenance import code_of
@@ -44,9 +44,7 @@ def run_checked(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Re
         else:
             if (place := changed(cell)) is None:
                 return result
-    files = cell_files(folder, cell.id, cell.key)
-    for file in (files.traces, files.policies):
-        inside(file, folder).unlink(missing_ok=True)
+    discard_arrays(folder, cell.id, cell.key)
     text = f"{one_line(place)} has changed since the study was planned; the same command again measures the cell"
     return Result(cell.id, key_without_code(cell), "raised", text)
 

@@ -19,12 +19,11 @@ import numpy as np
 from stlbench.contract import System
 from stlbench.errors import UsageError, cause, one_line
 from stlbench.records.array_files import read_cell
-from stlbench.records.result import MAIN, Measurement, Result, Score
-from stlbench.records.result_files import cell_files
+from stlbench.records.result import MAIN, Measurement, Result
+from stlbench.records.result_files import discard_arrays
 from stlbench.registry import plugins
 from stlbench.simulation import referee
 from stlbench.study.cell import Cell
-from stlbench.task import Task
 
 _CLOSE = 1e-9  # a smaller difference, relative or absolute, comes from another version of a library
 APART = True  # whether results of cells with plugins of others are looked at in another process
@@ -47,16 +46,13 @@ def _of_traces(cell: Cell, result: Result, measured: Measurement, folder: Path) 
         elif isinstance(task.dynamics, System) and not _close(traces.samples[:, 0], task.system.signals(begun)):
             yield "its traces do not begin at the report's starts"
         else:
-            yield from _other_score(task, measured.selected[MAIN], referee.score(task, traces.samples))
+            recorded, rescored = measured.selected[MAIN], referee.score(task, traces.samples)
+            if recorded.satisfied != rescored.satisfied or not _close(recorded.robustness, rescored.robustness):
+                numbers = f"robustness {recorded.mean:g}, satisfied {100 * recorded.satisfaction:g} %"
+                now = f"{rescored.mean:g} and {100 * rescored.satisfaction:g} %"
+                yield f"it says {numbers}; by the recorded traces and the formula of {task.name} it is {now}"
     except (UsageError, ValueError) as error:
         yield f"its traces cannot be scored again: {error}"
-
-
-def _other_score(task: Task, recorded: Score, rescored: Score) -> Iterator[str]:
-    if recorded.satisfied != rescored.satisfied or not _close(recorded.robustness, rescored.robustness):
-        numbers = f"robustness {recorded.mean:g}, satisfied {100 * recorded.satisfaction:g} %"
-        now = f"{rescored.mean:g} and {100 * rescored.satisfaction:g} %"
-        yield f"it says {numbers}; by the recorded traces and the formula of {task.name} it is {now}"
 
 
 def _close(one: object, other: object) -> bool:
@@ -90,9 +86,7 @@ class ConsistencyCheck:
         problem = self._ask(call) if self._apart else contradiction(*call)
         if problem is None:
             return result
-        files = cell_files(self._folder, cell.id, cell.key)
-        for file in (files.traces, files.policies):
-            file.unlink(missing_ok=True)
+        discard_arrays(self._folder, cell.id, cell.key)
         return cell.ended("raised", f"its result is not credible: {one_line(problem)}")
 
     def _ask(self, call: tuple[Cell, Result, Path]) -> str | None:

@@ -286,9 +286,8 @@ def film_cell(run: Path, result: Result, which: Which, start: Start, form: Form,
 
 def _recorded(run: Path, result: Result) -> Replay:
     """The traces that were recorded when the cell was trained, which need no policy."""
-    assert result.measurement is not None
     task = load_task(result.id.task)
-    return Replay(task, None, load(task, result, run), result.measurement.selected[MAIN].robustness)
+    return Replay(task, None, load(task, result, run), result.measured.selected[MAIN].robustness)
 
 
 def _write_pictures(shown: Replay, title: str, out: Path, name: str) -> Iterator[Path]:

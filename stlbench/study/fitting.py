@@ -54,11 +54,16 @@ class Fit:
 
 
 def fit(task: Task | Specification, choice: str) -> Fit:
-    """Build a method for a task, as a run does, or for a formula alone. Raises `PluginError` if it cannot be loaded."""
+    """Build a method for a task, as a run does for its own agent and largest budget, or for a formula alone.
+
+    Raises `PluginError` if it cannot be loaded.
+    """
     try:
         method = build_method(task, choice)
         if not isinstance(task, Specification):
-            _refuse_dear(task, method)
+            with suppress(Unsuitable, UsageError):  # where the task's own agent cannot be built here
+                agent, budgets = build_agent(task, task.own_agent), task.file.budgets.values()
+                refuse_dear(task, method, agent, max(budget.steps for budget in budgets))
     except PluginError:
         raise
     except Intractable as reason:
@@ -68,10 +73,3 @@ def fit(task: Task | Specification, choice: str) -> Fit:
     except Exception as error:
         return Fit("raised", reason=cause(error))
     return Fit("suitable", method)
-
-
-def _refuse_dear(task: Task, method: RewardMethod) -> None:
-    """Refuse a slow method for the task's own agent and largest budget, if that agent can be built here."""
-    with suppress(Unsuitable, UsageError):
-        agent = build_agent(task, task.own_agent)
-        refuse_dear(task, method, agent, max(budget.steps for budget in task.file.budgets.values()))

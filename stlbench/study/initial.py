@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.contract import Agent, Arrays, Unsuitable
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError
 from stlbench.records import array_files
 from stlbench.records.array_files import digest
 from stlbench.registry.choices import Choice
@@ -65,17 +65,13 @@ def arrays_of(cell: Cell) -> Arrays | None:
     return arrays
 
 
-def check(cell: Cell, task: Task, agent: Agent) -> None:
-    """Raises `UsageError` where a cell's agent cannot start from its policy, by what is known before a training."""
-    arrays = arrays_of(cell)
-    if arrays is None:
-        return
+def refuse_other(arrays: Arrays, agent: Agent, name: str, task: Task) -> None:
+    """Raises `Unsuitable` where an agent of that name cannot start from these arrays, as far as a look shows."""
     if not agent.resumes:
-        raise UsageError(f"agent {cell.id.agent.name} cannot start from a policy: leave --init out")
+        raise Unsuitable(f"agent {name} cannot start from a policy")
     try:
         agent.restore(arrays, task.actions)
-    except Unsuitable as error:
-        raise UsageError(f"{cell.init} on task {task.name}: {one_line(error)}") from error
+    except Unsuitable:
+        raise
     except Exception as error:
-        rule = f"is no policy of agent {cell.id.agent.name}"
-        raise UsageError(f"{cell.init} {rule}") from error
+        raise Unsuitable(f"it is no policy of agent {name}") from error

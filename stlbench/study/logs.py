@@ -13,10 +13,9 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Protocol, Self, cast, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
-from stlbench.errors import UsageError, one_line
+from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, cause
 from stlbench.records.identity import CellId
 from stlbench.records.result import SCHEMA, Result
 from stlbench.records.result_files import inside
@@ -28,18 +27,12 @@ _END_SECONDS = 60.0  # that logs may take after the end of a run
 
 
 def build_logs(choices: Iterable[Choice]) -> dict[str, RunLog]:
-    return {str(choice): _built(choice) for choice in choices}
-
-
-def _built(choice: Choice) -> RunLog:
-    try:
-        return cast(RunLog, plugins.build("logs", choice))
-    except Unsuitable as error:
-        raise UsageError(f"log '{choice}': {one_line(error)}") from error
-    except UsageError:
-        raise
-    except Exception as error:
-        raise UsageError(f"log '{choice}' cannot be made: {cause(error)}") from error
+    """The logs by name. Raises `UsageError` where one cannot be made."""
+    logs = dict[str, RunLog]()
+    for choice in choices:
+        with plugins.guarded(f"log '{choice}'"):
+            logs[str(choice)] = plugins.build("logs", choice)
+    return logs
 
 
 def logged(result: Result) -> LoggedCell:

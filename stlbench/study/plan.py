@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Agent, Intractable, System, Unsuitable
-from stlbench.errors import UsageError, cause, one_line
+from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice, parse_choice
@@ -132,20 +132,17 @@ def check_cells(cells: Iterable[Cell]) -> Checked:
     planned, notes, agents = tuple(cells), dict[str, None](), list[tuple[Choice, Agent]]()
     for method in dict.fromkeys(cell.id.method for cell in planned):
         plugins.check("methods", method)
-    for cell, task in _trainings(planned):
-        agent = cell.id.agent
-        agents.append((agent, _checked_agent(task, agent)))
-        initial.check(cell, task, agents[-1][1])
+    alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in planned}
+    for cell in alike.values():  # whatever its method and seed
+        task, agent = cell.load_task(), cell.id.agent
+        with plugins.guarded(f"agent {agent}"):
+            agents.append((agent, build_agent(task, agent)))
+        if (arrays := initial.arrays_of(cell)) is not None:
+            with plugins.guarded(f"--init {cell.init} on task {task.name}"):
+                initial.refuse_other(arrays, agents[-1][1], agent.name, task)
         if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return Checked(tuple(notes), tuple(agents))
-
-
-def _trainings(cells: Iterable[Cell]) -> Iterator[tuple[Cell, Task]]:
-    """One cell of those that train a task alike, whatever their method and seed, with its task."""
-    alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in cells}
-    for cell in alike.values():
-        yield cell, cell.load_task()
 
 
 def uncompiled(
@@ -166,28 +163,15 @@ def uncompiled(
             yield choice, work
 
 
-def _checked_agent(task: Task, agent: Choice) -> Agent:
-    try:
-        return build_agent(task, agent)
-    except UsageError:
-        raise
-    except Exception as error:
-        message = one_line(error) if isinstance(error, Unsuitable) else cause(error)
-        raise UsageError(f"agent {agent}: {message}") from error
-
-
 def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:
     """A few of the cells, with each task, method and agent at least once."""
-    seen, chosen = set[tuple[str, str]](), list[Cell]()
+    seen, chosen = set[tuple[str, Choice]](), list[Cell]()
     for cell in cells:
-        if parts := set(_parts(cell).items()) - seen:
+        parts = {("task", cell.id.task), ("method", cell.id.method), ("agent", cell.id.agent)}
+        if parts - seen:
             seen |= parts
             chosen.append(cell)
     return tuple(chosen)
-
-
-def _parts(cell: Cell) -> dict[str, str]:
-    return {"tasks": str(cell.id.task), "methods": str(cell.id.method), "agents": str(cell.id.agent)}
 
 
 def preload(cells: Sequence[Cell]) -> None:
@@ -291,7 +275,7 @@ def plan_alignment(
     planners, formula = _planners("reward"), _planners("formula")
     if not planners:
         raise UsageError("no agent is installed that plans for a reward")
-    budget = _budget(loaded)
+    budget = _BUDGET if _BUDGET in loaded.file.budgets else next(iter(loaded.file.budgets))
     cells = list[Cell]()
     for without in dict.fromkeys("hold" if setting.apart else "" for setting in settings):
         agents = [Choice(name, tuple(fineness.items())) for name in formula]
@@ -330,7 +314,3 @@ def _planners(maximise: str) -> list[str]:
 
 def _without(task: Choice, parts: str) -> Choice:
     return Choice(task.name, (("without", parts),) if parts else ())
-
-
-def _budget(task: Task) -> str:
-    return _BUDGET if _BUDGET in task.file.budgets else next(iter(task.file.budgets))

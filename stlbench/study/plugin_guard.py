@@ -16,14 +16,14 @@ from typing import Any, TypeVar
 from stlbench.contract import Outcome, Work
 from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
-from stlbench.registry.choices import Choice
+from stlbench.registry.choices import LOCAL, Choice
 from stlbench.simulation.faults import Question, Unanswered, answered_here
 from stlbench.study.scheduler import build_executor
 from stlbench.task import Task, load_task
 from stlbench.tracks.references import about, known
 
 _T = TypeVar("_T")
-EXECUTOR = "local"
+EXECUTOR = LOCAL
 DEADLINE = 120.0  # seconds for what takes milliseconds, or some seconds on a MuJoCo model
 LONG = 3600.0  # seconds for a policy that acts from all starts of a report: what a cell has by default
 

@@ -21,10 +21,10 @@ from stlbench.simulation import referee
 from stlbench.simulation.environment import Simulator
 from stlbench.simulation.referee import Recording
 from stlbench.simulation.worlds import observation_of
-from stlbench.study.cell import Recipe, task_of
+from stlbench.study.cell import Recipe, on_track
 from stlbench.task import build_method
 from stlbench.task.starts import StateStarts
-from stlbench.task.task import Task
+from stlbench.task.task import Task, load_task
 
 
 class Reenactment:
@@ -68,9 +68,8 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
     policy is stored, or it differs from the record, or its plugins are missing or show and take other things now.
     """
     arrays, name = read_policy(folder, result, which), result.id.name
-    assert result.measurement is not None
-    assert result.measurement.policies is not None
-    stored, cell = result.measurement.policies, result.id
+    assert result.measured.policies is not None
+    stored, cell = result.measured.policies, result.id
     task = own_task(cell, stored) if on is None else on
     try:
         method = build_method(task, cell.method)
@@ -84,7 +83,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
 def own_task(cell: CellId, stored: StoredPolicies) -> Task:
     """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
     recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
-    return task_of(cell, recipe)
+    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
 
 
 def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:

@@ -6,11 +6,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from rich.console import Console
 from rich.text import Text
 
+from stlbench.errors import counted
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.result import ACCIDENTS, Result
 
@@ -99,14 +100,15 @@ class Progress:
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         total = done + len(missing)
         earlier = f", {done} of them done before" if done else ""
-        self.note(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
+        self.note(f"{counted(total, 'cell')}{earlier}")
         self.tally = Tally(missing, done)
         self.start(total, done)
 
     def start(self, total: int, done: int) -> None:
         self.total, self.done, self.begun = total, done, time.monotonic()
         if done < total:
-            self.bar = _bar(self.console, total, done)
+            self.bar = bar_on(self.console, refresh_per_second=1)
+            self.bar.add_task("", total=total, completed=done)
             self.bar.start()
             if not self.console.is_terminal:
                 threading.Thread(target=self._each_minute, daemon=True).start()
@@ -131,13 +133,12 @@ class Progress:
             self.note(self.tally.line(time.monotonic() - self.begun))
 
 
-def _bar(console: Console, total: int, done: int) -> Bar:
+def bar_on(console: Console, **settings: Any) -> Bar:
+    """A bar with its counts, its time and a text, where the console is a terminal; further `settings` of rich's."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    bar = Progress(*columns, console=console, disable=not console.is_terminal, refresh_per_second=1)
-    bar.add_task("", total=total, completed=done)
-    return bar
+    return Progress(*columns, console=console, disable=not console.is_terminal, **settings)
 
 
 def duration(seconds: float) -> str:
@@ -152,7 +153,7 @@ def describe(result: Result) -> str:
     """One line: name, status, and the two numbers that matter, or the reason."""
     name = result.id.name
     if result.measurement is None:
-        return f"{name} {result.status}: {result.reason}" if result.reason else f"{name} {result.status}"
+        return f"{name} {result.how}"
     score = result.measurement.score
     return (
         f"{name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "

@@ -7,9 +7,10 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from stlbench.registry.fingerprint import version_of
 
 if TYPE_CHECKING:
     from stlbench.study.cell import Cell
@@ -30,7 +31,7 @@ def here() -> dict[str, str]:
     """The facts of this machine. Imports none of the packages that it names."""
     return {
         "python": platform.python_version(),
-        **{name: _version(name) for name in PACKAGES},
+        **{name: version_of(name) for name in PACKAGES},
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs, {_processor()}",
     }
 
@@ -42,9 +43,7 @@ def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[s
 
 def of_cell(cell: Cell) -> dict[str, str]:
     """The code and the task folder of one cell, for its provenance."""
-    from stlbench.records.result import (
-        TASK_FOLDER,  # imports NumPy, which `here` is asked for before anything is loaded
-    )
+    from stlbench.records.result import TASK_FOLDER  # it imports NumPy, before which `here` is asked
 
     code = ", ".join(f"{name} {text[:8]}" for name, text in cell.parts)
     place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
@@ -64,10 +63,3 @@ def _processor() -> str:
         lines = []
     named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(named, platform.processor() or "unknown processor")
-
-
-def _version(distribution: str) -> str:
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "not installed"

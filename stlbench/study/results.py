@@ -9,7 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
 
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.array_files import SavedTraces, Which, read_cell
 from stlbench.records.identity import IDENTITY, CellId, find_cell
 from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, CurvePoint, Measurement, Result
@@ -17,7 +17,8 @@ from stlbench.records.result import ACCIDENTS, NOT_RUN, SCHEMA, CurvePoint, Meas
 if TYPE_CHECKING:
     import pandas as pd
 
-    from stlbench.report import Report, Table
+    from stlbench.report import Report
+    from stlbench.report.tables.table import Table
     from stlbench.study.policies import LoadedPolicy
 
 _OF_CELL = {name: datum for name, datum in SCHEMA.items() if "score." not in datum.path}
@@ -54,7 +55,8 @@ class Results:
             UsageError: there is neither, or the file is not as it should be.
         """
         path = Path(folder)
-        return cls.of(stored.read(path), path if path.is_dir() else path.parent, stored.missing(path).values())
+        missing = results_folder.missing(path).values()
+        return cls.of(results_folder.read(path), path if path.is_dir() else path.parent, missing)
 
     @classmethod
     def of(cls, results: Iterable[Result], folder: Path, missing: Iterable[CellId] = ()) -> Self:
@@ -206,7 +208,7 @@ class Results:
 def _frame(table: Table) -> pd.DataFrame:
     import pandas as pd
 
-    from stlbench.report import to_records
+    from stlbench.report.tables.table import to_records
 
     titles = [title for column in table.columns for title in column.headings]
     return pd.DataFrame(to_records(table), columns=titles)

@@ -6,17 +6,18 @@ looked up once more, as another process may have written meanwhile, and runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from stlbench.contract import Executor, Work
-from stlbench.records import stored
+from stlbench.errors import counted
+from stlbench.records import results_folder
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import Result, Status
 from stlbench.records.result_files import cell_files, writing
 from stlbench.study import scheduler, trial
@@ -65,8 +66,13 @@ def run_study(
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     with listening(progress) as listener:
         cells = run_missing(described, listener, until)
-    with Ledger(described.folder / FILE, create=False) as ledger:
-        return Results.of(ledger.results_of(cell.id for cell in cells), described.folder)
+    return Results.of(results_of(cells, described.folder), described.folder)
+
+
+def results_of(cells: Iterable[Cell], folder: Path) -> list[Result]:
+    """The results that the folder's ledger has of these cells."""
+    with Ledger(folder / LEDGER, create=False) as ledger:
+        return list(ledger.results_of(cell.id for cell in cells))
 
 
 def run_missing(study: Study, progress: Listener | None = None, until: Until | None = None) -> tuple[Cell, ...]:
@@ -89,7 +95,7 @@ def run_missing(study: Study, progress: Listener | None = None, until: Until | N
 
 def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
     """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
-    recorded = [*stored.read(study.folder)] if stored.locate(study.folder) else []
+    recorded = [*results_folder.read(study.folder)] if results_folder.locate(study.folder) else []
     ended = [result for result in recorded if result.status not in study.retry]
     done = {result.id if study.keep_old else result.key for result in ended}
     return [cell for cell in cells if (cell.id if study.keep_old else cell.key) not in done], recorded
@@ -105,22 +111,22 @@ def run_cells(
     keep_old: bool | None = None,
     progress: Listener | None = None,
     until: Until | None = None,
-    run_cell: Callable[..., Result] | None = None,
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
 
     The plan is recorded first, so that a report knows what an interrupted study lacks. An interrupt
     (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on. Cells that ended
     as `retry` says run again, unless they failed `attempts` times in a row. `keep_old` counts results of other code as
-    done. Nothing runs after a result of which `until` is true, also one from before. `run_cell` stands for
-    `trial.run_cell`. Raises `UsageError` if a plugin cannot be loaded, or the ledger is none, or another process writes
-    in the folder; then nothing ran, and nothing was written.
+    done. Nothing runs after a result of which `until` is true, also one from before. Raises `UsageError` if a plugin
+    cannot be loaded, or the ledger is none, or another process writes in the folder; then nothing ran, and nothing was
+    written.
     """
     progress, provenance = progress or Silent(), collect(executor.jobs)
     look = partial(_left, cells, retry, attempts, keep_old, until, provenance)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         checked = check_cells(look(ledger).missing)
-    with _locked(folder) as ledger:
+    with writing(folder), Ledger(folder / LEDGER) as ledger:
+        results_folder.take_over(folder, ledger)
         left = look(ledger)
         ledger.plan({cell.key: cell.id for cell in cells})
         progress.begin([cell.id for cell in left.missing], left.done)
@@ -129,7 +135,7 @@ def run_cells(
         for agent, work in uncompiled(checked.agents, left.missing):
             progress.note(f"compiling {agent}, once per machine")
             work()
-        with closing(_run(left.missing, folder, ledger, executor, provenance, run_cell or trial.run_cell)) as results:
+        with closing(_run(left.missing, folder, ledger, executor, provenance)) as results:
             for result in results:
                 progress.ended(result)
                 if until is not None and until(result):
@@ -172,29 +178,16 @@ def _left(
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:
     named = ", ".join(cell.name for cell in cells[:3]) + (", ..." if len(cells) > 3 else "")
-    text = f"{len(cells)} {'cell' if len(cells) == 1 else 'cells'} failed {attempts} times or more in a row"
-    return f"{text}, given up: {named}; --attempts with a greater number tries again"
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[Ledger]:
-    """The ledger of a folder in which no other process writes; it has what the folder's lines say."""
-    with writing(folder), Ledger(folder / FILE) as ledger:
-        stored.take_over(folder, ledger)
-        yield ledger
+    text = f"{counted(len(cells), 'cell')} failed {attempts} times or more in a row, given up: {named}"
+    return f"{text}; --attempts with a greater number tries again"
 
 
 def _run(
-    cells: Sequence[Cell],
-    folder: Path,
-    ledger: Ledger,
-    executor: Executor,
-    provenance: Mapping[str, str],
-    run_cell: Callable[..., Result],
+    cells: Sequence[Cell], folder: Path, ledger: Ledger, executor: Executor, provenance: Mapping[str, str]
 ) -> Generator[Result]:
     """The result of each cell, recorded, as they end."""
     place = folder.absolute()  # a worker elsewhere has another working directory
-    in_folder = partial(run_checked, run_cell=run_cell, folder=place)
+    in_folder = partial(run_checked, run_cell=trial.run_cell, folder=place)
     work = Work(in_folder, partial(preload, examples(cells)), partial(_log_of, place), here)
     with (
         ConsistencyCheck(cells, place) as examined,

@@ -12,7 +12,7 @@ from stlbench.errors import DiskFull, UsageError, one_line
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, executor_of
+from stlbench.registry.choices import LOCAL, Choice, executor_of
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import NoSpace, key_without_code
 from stlbench.study.provenance import elsewhere, of_cell
@@ -66,10 +66,8 @@ def outcomes(
 
     Raises `UsageError` if it raises anything, or gives no generator with an outcome for each item.
     """
-    left, rule = (
-        set(range(len(items))),
-        f"its run should be a generator with one outcome for each of {len(items)} items",
-    )
+    left = set(range(len(items)))
+    rule = f"its run should be a generator with one outcome for each of {len(items)} items"
     with failing(executor):
         ended = executor.run(function, items, deadlines)
     if not isinstance(ended, Generator):
@@ -104,19 +102,15 @@ def _wrong(outcome: Outcome) -> str:
     return ""
 
 
-def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
+def build_executor(choice: Choice | str = LOCAL, jobs: int | None = None, memory: str | None = None) -> Executor:
     """The chosen executor, with so many `jobs` at a time, and so much `memory` for each cell, as in "4G".
 
     Raises `UsageError` if there is no such executor, it cannot run here, or a parameter is wrong.
     """
-    text = chosen = executor_of(choice)
-    if memory is not None:
-        chosen = Choice(text.name, tuple({"memory": memory, **dict(text.parameters)}.items()))
-    try:
-        with failing(chosen.name):
-            return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
-    except UsageError as error:
-        raise UsageError(str(error).replace(str(chosen), str(text))) from error  # by the name that the user gave it
+    chosen = executor_of(choice)
+    given = {name: value for name, value in (("jobs", jobs), ("memory", memory)) if value is not None}
+    with failing(chosen.name):
+        return cast(Executor, plugins.build("executors", chosen, defaults=given, origin=""))
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from pydantic_core import core_schema
 
 from stlbench.errors import UsageError, did_you_mean, in_words, one_line
 from stlbench.records.result import Status, accidents_of
-from stlbench.registry.choices import Choice, choice_of, executor_of, field_docs, parse_choices, split
+from stlbench.registry.choices import LOCAL, Choice, choice_of, executor_of, field_docs, parse_choices, split
 from stlbench.task.entry import Entry, read_both
 from stlbench.task.file import TaskFile
 
@@ -180,7 +180,7 @@ class Study(BaseModel):
         None, description="Run part K of N only, in a folder of its own in that of results."
     )
     executor: Annotated[Choice, BeforeValidator(read_executor), Option("NAME")] = Field(
-        Choice("local"), description="The executor that runs cells."
+        Choice(LOCAL), description="The executor that runs cells."
     )
     log: Annotated[tuple[Choice, ...], BeforeValidator(read_logs), Option("LIST", "none", completes="logs")] = Field(
         (), description="Send the run to these logs, a comma list: tensorboard, wandb."

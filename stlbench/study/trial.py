@@ -58,7 +58,7 @@ class Clock:
         self.cpu += time.process_time() - self._since[0]
         self.wall += time.perf_counter() - self._since[1]
 
-    def resume(self) -> None:
+    def go_on(self) -> None:
         self._since = (time.process_time(), time.perf_counter())
 
 
@@ -101,7 +101,7 @@ def train(
         reported.append(Checkpoint(policy, steps, clock.cpu))
         enough = patience is not None and patience.ends(*score(policy))
         late = budget.seconds is not None and clock.wall >= budget.seconds
-        clock.resume()
+        clock.go_on()
         return enough or late
 
     def make(count: int) -> CountedEnvironment:
@@ -117,7 +117,7 @@ def train(
     else:
         rehearse(agent, training, task.file.hold)
     meter.begin(budget.steps)
-    clock.resume()
+    clock.go_on()
     final = agent.train(training)
     clock.pause()
     meter.check(final, meter.taken)
@@ -286,6 +286,7 @@ def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment)
     """The value that the policy of an agent that plans expects from the report's starts; None for one that learns."""
     if agent.plans is None:
         return None
+    assert assessment.states is not None
     values = policy.value(assessment.states[:, 0]) if isinstance(policy, StatePolicy) else np.nan
     return Planned(agent.plans, float(np.mean(values)))
 

@@ -127,7 +127,7 @@ def _shared(task: Task, agent: Choice, name: str) -> Option:
     known = plugins.parameters(plugins.find("agents", agent.name))
     if name not in known:
         raise UsageError(f"agent {agent.name}: its search_space has '{name}', which is no parameter of it")
-    value: Option = task.recipe(agent.name).get(name, known[name][1])
+    value: Option = task.recipe(agent.name).get(name, known[name].default)
     return value
 
 

@@ -11,9 +11,8 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
-from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from traceback import walk_tb
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -23,6 +22,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
 from stlbench.errors import UsageError, cause, did_you_mean, one_line
+from stlbench.registry.fingerprint import all_distributions
 from stlbench.task.file import Api
 from stlbench.task.gym_spaces import as_action
 
@@ -230,7 +230,7 @@ def _missing(error: BaseException | None) -> str:
 def software(env: Gym) -> tuple[tuple[str, str], ...]:
     """Distribution -> version, of the environment's modules, of what they import, and of their engines."""
     tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS
-    names = {each for top in tops for each in _distributions().get(top, ())}
+    names = {each for top in tops for each in all_distributions().get(top, ())}
     names |= {engine for each in names for engine in _engines(each)}
     return tuple(sorted((name, _version(name)) for name in names))
 
@@ -259,11 +259,6 @@ def _imported(kind: type) -> Iterator[str]:
         for value in vars(module).values() if module else ():
             if isinstance(value, ModuleType):
                 yield value.__name__
-
-
-@cache
-def _distributions() -> Mapping[str, list[str]]:
-    return packages_distributions()
 
 
 def _engines(distribution: str) -> Iterator[str]:

@@ -31,7 +31,7 @@ from stlbench.registry import named_tasks, plugins
 from stlbench.registry.breaches import breach
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import BY_HAND_FILE, TASK_FILE
-from stlbench.registry.named_tasks import SuitePlugin
+from stlbench.registry.plugins import SuitePlugin
 from stlbench.task.checks import check_regions, check_system, check_world
 from stlbench.task.entry import Parts
 from stlbench.task.file import Axis, Budget, TaskFile

@@ -11,7 +11,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, System, Training, Unsuitable, World
 from stlbench.errors import UsageError, one_line
-from stlbench.registry import named_tasks, plugins
+from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.simulation import baselines, referee
 from stlbench.simulation.baselines import Unpaid
@@ -338,7 +338,7 @@ def check_suite(suite: str, rules: Rules | None = None) -> None:
         AssertionError: the rule that is broken.
         UsageError: no such suite, or a task file with errors.
     """
-    rules, made = rules or Rules(), named_tasks.made(plugins.find("suites", suite))
+    rules, made = rules or Rules(), plugins.made(plugins.find("suites", suite))
     wrong = [name for name in made.names if not _NAME.fullmatch(name)]
     rules.keep(not wrong, "names are parts of a-z, 0-9 and - with slashes between them", wrong[:1])
     joined = [name.replace("/", "-") for name in made.names]

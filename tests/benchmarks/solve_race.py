@@ -217,7 +217,7 @@ def solved(entry: Entry, folder: Path) -> dict[str, Any]:
 
     `trained` maps a training's key to its share.
     """
-    from stlbench.records import stored
+    from stlbench.records import results_folder
     from stlbench.records.result import Result
     from stlbench.simulation.referee import record
     from stlbench.solver.solution import FINAL, RACE, Solution
@@ -235,7 +235,7 @@ def solved(entry: Entry, folder: Path) -> dict[str, Any]:
         result.key: share(folder / name, result)
         for name in (RACE, FINAL)
         if (folder / name).is_dir()
-        for result in stored.read(folder / name)
+        for result in results_folder.read(folder / name)
         if result.measurement is not None
     }
     facts = {key: certificate[key] for key in ("cell", "low", "probability")}

@@ -17,7 +17,7 @@ import pytest
 from helpers.synthetic_results import measurement
 
 from benchmarks.conftest import Race, ratios
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import CurvePoint, Result
 from stlbench.registry.choices import parse_choices
 from stlbench.study.cell import Cell
@@ -49,7 +49,7 @@ def test_plan(race: Race) -> None:
 @of_children
 def test_resume(race: Race, full: Path) -> None:
     """Plan them, and find in the ledger that each is finished."""
-    times = race.run(lambda: _python(_PLAN + _RESUME, str(full / FILE)), {}, turns=3)["ours"]
+    times = race.run(lambda: _python(_PLAN + _RESUME, str(full / LEDGER)), {}, turns=3)["ours"]
     race.note(resume_10000_seconds=times)
 
 
@@ -101,7 +101,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a ledger in which 10,000 cells are finished."""
     folder = tmp_path_factory.mktemp("full")
     cells = plan_cells(parse_choices("hold-disc"), parse_choices(METHODS), parse_choices("dqn"), range(SEEDS), "quick")
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         for cell in cells:
             ledger.record(_finished(cell))
     return folder
@@ -122,7 +122,7 @@ def _run_cells(folder: Path, seeds: int, jobs: int) -> None:
 
 
 def _results(folder: Path) -> Sequence[Result]:
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         return tuple(ledger.results())
 
 
@@ -146,7 +146,7 @@ assert len(cells) == {CELLS}
 
 _RESUME = f"""
 from pathlib import Path
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 with Ledger(Path(sys.argv[1]), create=False) as ledger:
     assert len(ledger.finished(cell.key for cell in cells)) == {CELLS}
 """

@@ -22,7 +22,7 @@ from helpers.studies import load
 
 from benchmarks.conftest import Race
 from benchmarks.solve_race import ENTRIES, WANTED
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.solver.solution import FINAL, RACE
 
 pytestmark = pytest.mark.benchmark(group="solve")
@@ -95,8 +95,8 @@ def _solved(task: str, command: list[str], folder: Path, log: Path) -> Cell:
 
 def _trained(folder: Path) -> list[str]:
     """The keys of the trainings that have ended well, in a folder of `solve`."""
-    cells = [folder / name for name in (RACE, FINAL) if stored.locate(folder / name) is not None]
-    return [each.key for place in cells for each in stored.read(place) if each.measurement is not None]
+    cells = [folder / name for name in (RACE, FINAL) if results_folder.locate(folder / name) is not None]
+    return [each.key for place in cells for each in results_folder.read(place) if each.measurement is not None]
 
 
 def _cpu(process: psutil.Process) -> float:

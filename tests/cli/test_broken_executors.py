@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 
 PLAN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw")
 BROKEN = '''
@@ -42,7 +42,7 @@ def test_it_is_told_with_its_name(say, toy, body, message, kept):
     done = say(*PLAN, "--executor", "toy-broken")
     assert (done.exit_code, done.stdout) == (2, "")
     assert f"error: executor 'toy-broken' of toy-plugins 1.2{message}" in done.stderr.splitlines()[-1]
-    with Ledger(Path("results") / FILE) as ledger:
+    with Ledger(Path("results") / LEDGER) as ledger:
         assert len(list(ledger.results())) == kept
     assert say(*PLAN, "--executor", "toy-here").exit_code == 0
 

@@ -16,7 +16,7 @@ from helpers.kept_policies import trained
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
@@ -70,7 +70,7 @@ def evil(site: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def record(folder: Path, result: Result) -> None:
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(result)
 
 
@@ -117,13 +117,13 @@ def test_nor_does_python(evil: Callable[[str], Path], tmp_path: Path) -> None:
 
 def test_nor_is_it_imported_from_lines(evil: Callable[[str], Path], tmp_path: Path) -> None:
     folder = evil("results/zz-evil")
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         (result,) = ledger.results()
     write_lines([result], folder / "cells.jsonl")
     lines = folder / "cells.jsonl"
     named = lines.read_text().replace('"provenance": {', '"provenance": {"task_folder": "results/zz-evil"')
     lines.write_text(named)
-    (folder / FILE).unlink()
+    (folder / LEDGER).unlink()
     told("report DIR", folder)
     told(f"render DIR {CELL} --start-index 0", folder)
     assert not (tmp_path / "marker").exists()
@@ -151,7 +151,7 @@ def test_no_command_writes_through_a_link(evil: Callable[[str], Path], tmp_path:
     written = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
     assert len(written) > 20
     victim.mkdir()
-    for name in written - {Path(FILE)}:  # each file is a link to one of the user's, or to one that is not there
+    for name in written - {Path(LEDGER)}:  # each file is a link to one of the user's, or to one that is not there
         (victim / name.name).write_text("mine")
         (folder / name).unlink()
         (folder / name).symlink_to(victim / name.name if len(name.name) % 2 else outside)
@@ -176,12 +176,12 @@ def test_nor_into_a_folder_that_is_a_link(evil: Callable[[str], Path], tmp_path:
         assert sorted(path.name for path in outside.iterdir()) == before, command
 
 
-@pytest.mark.parametrize("name", ["traces", "policies", "logs", ".lock", FILE])
+@pytest.mark.parametrize("name", ["traces", "policies", "logs", ".lock", LEDGER])
 def test_a_run_neither_writes_nor_deletes_behind_a_link(toy: Path, say: Callable, tmp_path: Path, name: str) -> None:
     outside, results = tmp_path / "outside", tmp_path / "hostile"
     results.mkdir()
     (results / name).symlink_to(outside)
-    if name in (".lock", FILE):
+    if name in (".lock", LEDGER):
         outside.write_text("")
     else:
         outside.mkdir()

@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.records.ledger import FILE
+from stlbench.records.ledger import LEDGER
 from stlbench.records.result_files import LINES, PACKED, cell_files
 from stlbench.study.results import Results
 
@@ -45,9 +45,9 @@ READ_BY = {
         f"export-policy {CELL} out.onnx",
     ),
     ".lock": ("report results",),
-    FILE: (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip"),
-    f"{FILE}-journal": ("report results", "verify results"),
-    f"{FILE}-wal": ("report results",),
+    LEDGER: (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip"),
+    f"{LEDGER}-journal": ("report results", "verify results"),
+    f"{LEDGER}-wal": ("report results",),
     **dict.fromkeys((LINES, PACKED), (*ALWAYS, "verify results", "results merge new results", "bundle results a.zip")),
     "provenance.json": ("compare results results",),
 }
@@ -76,7 +76,7 @@ def prepared(folder: Path, name: str) -> Path:
     path = places(folder).get(name, folder / name)
     if name == PACKED:
         told("export results --format jsonl")
-    before = {LINES: (FILE,), **dict.fromkeys((PACKED, "cells.csv", "provenance.json"), (FILE, LINES))}
+    before = {LINES: (LEDGER,), **dict.fromkeys((PACKED, "cells.csv", "provenance.json"), (LEDGER, LINES))}
     for other in before.get(name, ()):
         (folder / other).unlink()
     return path
@@ -156,7 +156,7 @@ def test_no_command_reads_what_is_no_file_of_the_folder(results: Path, name: str
 @pytest.mark.parametrize(
     ("name", "command"),
     [
-        (FILE, "report results"),
+        (LEDGER, "report results"),
         (LINES, "report results"),
         ("cells.csv", "compare results results"),
         ("provenance.json", "compare results results"),
@@ -180,9 +180,9 @@ def test_a_link_to_the_very_file_is_refused_too(results: Path, name: str, comman
 
 def test_what_the_user_names_may_be_a_link(results: Path) -> None:
     Path("folder").symlink_to("results")
-    for name in (FILE, LINES, "cells.csv"):
+    for name in (LEDGER, LINES, "cells.csv"):
         Path(name).symlink_to(results / name)
-    for command in ("report folder", f"show cell {CELL} folder", "bundle folder a.zip", f"compare {FILE} cells.csv"):
+    for command in ("report folder", f"show cell {CELL} folder", "bundle folder a.zip", f"compare {LEDGER} cells.csv"):
         assert "error" not in told(command), command
-    for name in (FILE, LINES):
+    for name in (LEDGER, LINES):
         assert len(Results.load(name)) == 2

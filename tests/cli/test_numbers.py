@@ -15,8 +15,8 @@ from stlbench.cli import advise, policies, results, run, suite
 from stlbench.contract.task import SuiteScores
 from stlbench.records.identity import CellId
 from stlbench.registry.choices import Choice
-from stlbench.report import Table, to_records
 from stlbench.report.figures.margins import worst_table
+from stlbench.report.tables.table import Table, to_records
 from stlbench.share.bundle import About
 from stlbench.share.rescored import Bundle, Rescored, bundles_table
 from stlbench.simulation.verdicts import Loss
@@ -42,7 +42,7 @@ def test_what_results_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> None:
         result(budget="smoke", robustness=(9.0,), env_steps=9),
         result("raw", agent="other", robustness=(9.0,)),
     ]
-    monkeypatch.setattr(advise.stored, "read", lambda folder: results)
+    monkeypatch.setattr(advise.results_folder, "read", lambda folder: results)
     known = advise._known(load_task("hold-disc"), Path("none"))
     assert known == {"funnel": {"budget": "quick", "seeds": 2, "satisfaction": 0.875, "robustness": 0.6875}}
     row = {"method": "funnel", "inputs": 2, "memory": 3, "also": ["ends"], "extension": None, "known": known["funnel"]}
@@ -60,7 +60,7 @@ def test_what_drawn_formulas_say_to_advise(monkeypatch: pytest.MonkeyPatch) -> N
     scores = {"raw": [0.2, 0.4], "funnel": [0.7, 0.8]}
     one_suite = SimpleNamespace(scores=lambda: [SuiteScores("F[0,5] G[0,2] x >= 1", scores)] * 9)
     monkeypatch.setattr(advise.plugins, "available", lambda kind: {"made": one_suite})
-    monkeypatch.setattr(advise.named_tasks, "made", lambda plugin: plugin)
+    monkeypatch.setattr(advise.plugins, "made", lambda plugin: plugin)
     drawn = advise.drawn_evidence(stl.parse("F[0,50] G[0,9] norm(x, y) <= 1"), ("raw", "funnel"))
     table = advise.evidence_text(drawn)
     assert isinstance(table, Table)

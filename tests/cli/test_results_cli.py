@@ -13,7 +13,7 @@ from helpers.refusals import refused
 from helpers.synthetic_results import result
 
 import stlbench
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import LINES
 
@@ -31,7 +31,7 @@ def study(toy, tmp_path, monkeypatch):
 @pytest.fixture
 def ledger(say):
     """Three synthetic cells in results/."""
-    with Ledger(Path("results") / FILE) as ledger:
+    with Ledger(Path("results") / LEDGER) as ledger:
         for one in (result("funnel"), result("flag", 1, "raised", reason="ValueError: no luck"), result("raw", 2)):
             ledger.record(one)
 

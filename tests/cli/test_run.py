@@ -20,7 +20,7 @@ from helpers.imports import HEAVY, imported
 from helpers.refusals import refused
 from helpers.synthetic_results import result
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.registry import plugins
 from stlbench.study.study import Study
 
@@ -76,7 +76,7 @@ def test_the_same_words_run_nothing_and_files_have_more_cells_than_the_screen(ru
 def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
     """The first report draws, the second finds the figures as they are."""
     study = Study.of({"tasks": "hold-disc", "methods": "funnel,flag", "seeds": "1", "results": tmp_path})
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         for cell in study.cells():
             ledger.record(replace(result(cell.id.method.name), key=cell.key))
     words = ("run", "--tasks", "hold-disc", "--methods", "funnel,flag", "--seeds", "1", "--results", tmp_path)
@@ -169,7 +169,7 @@ def test_a_folder_that_cannot_be_written_is_reported_on_the_screen(run, say):
 
 
 def test_bad_input_exits_2_with_one_line(run, say):
-    with Ledger(Path("empty") / FILE) as ledger:
+    with Ledger(Path("empty") / LEDGER) as ledger:
         ledger.plan({})
     assert say("report", "empty").stderr == "error: empty/ledger.sqlite holds no result yet\n"
     shutil.rmtree("empty")

@@ -17,7 +17,7 @@ from helpers.hostile_results import recorded
 from helpers.impossible_rows import IMPOSSIBLE, changed, insert, plain, rich
 from helpers.synthetic_results import plan, result
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import csv_text
 from stlbench.report.figures.files import Drawing
 
@@ -51,7 +51,7 @@ def evil(say, toy, monkeypatch) -> Path:
     monkeypatch.setattr(Drawing, "write", lambda *_: [])
     folder = Path("evil")
     folder.mkdir()
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(recorded("flag", folder))
         ledger.record(plan())
     insert(folder, planted(3), plain(rich(3)))

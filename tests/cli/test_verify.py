@@ -16,13 +16,13 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.errors import DiskFull
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.share.bundle import check
 
 
 @pytest.fixture
 def folder(tmp_path):
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         for seed in range(3):
             ledger.record(result(seed=seed))
     return tmp_path
@@ -33,7 +33,7 @@ def say(*words):
 
 
 def damage(folder):
-    ledgers.say(folder / FILE, "UPDATE cells SET result = '{}' WHERE seed = 1")
+    ledgers.say(folder / LEDGER, "UPDATE cells SET result = '{}' WHERE seed = 1")
 
 
 def test_damage_is_named_and_repaired(folder):
@@ -57,7 +57,7 @@ def test_damage_is_named_and_repaired(folder):
 
 
 def test_a_ledger_that_sqlite_cannot_read_is_one_line_with_the_ways_out(folder):
-    file = folder / FILE
+    file = folder / LEDGER
     file.write_bytes(file.read_bytes()[:4096] + bytes(4096) + file.read_bytes()[8192:])
     done = say(folder)
     assert (done.exit_code, done.stdout.count("\n")) == (1, 1)
@@ -71,7 +71,7 @@ def test_a_ledger_that_sqlite_cannot_read_is_one_line_with_the_ways_out(folder):
 
 
 def test_a_ledger_without_rows_is_empty(tmp_path):
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.plan({"a": result().id})
     done = say(tmp_path)
     assert (done.exit_code, done.stdout) == (0, f"{tmp_path}/: 0 rows, 0 files as they were recorded: empty\n")
@@ -134,11 +134,11 @@ def replace_text(lines: Path, old: str, new: str) -> None:
     lines.write_text(lines.read_text().replace(old, new))
     for path in Path("results/policies").iterdir():
         path.rename(path.with_name(path.name.replace(old, new)))
-    Path("results", FILE).unlink()
+    Path("results", LEDGER).unlink()
 
 
 def test_nor_is_one_without_policies(tmp_path) -> None:
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.record(replace(result(), key="0" * 32))
     CliRunner().invoke(app, ["bundle", str(tmp_path), str(tmp_path / "mine.zip")])
     done = say(tmp_path / "mine.zip", "--rescore")

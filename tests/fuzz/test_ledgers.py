@@ -11,10 +11,9 @@ from fuzz.answers import answer, fuzz, sizes
 from fuzz.inputs import damaged
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
-from stlbench.records.ledger import FILE
+from stlbench.records.ledger import LEDGER
 from stlbench.records.result_files import LINES
-from stlbench.report import condense
+from stlbench.report import groups_of
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw,toy-large,toy-wrong", "--seeds", 4)
 HERE = ("--executor", "toy-here")
@@ -23,7 +22,7 @@ HERE = ("--executor", "toy-here")
 def read_all(folder: Path) -> None:
     """What a report reads."""
     with suppress(UsageError):
-        condense(stored.read(folder), stored.missing(folder).values())
+        groups_of(folder)
 
 
 @pytest.fixture
@@ -42,7 +41,7 @@ def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, example
     def check(data: bytes) -> None:
         shutil.rmtree("bad", ignore_errors=True)
         shutil.copytree(good, "bad")
-        (Path("bad") / FILE).write_bytes(data)
+        (Path("bad") / LEDGER).write_bytes(data)
         read_all(Path("bad"))
         answer(say("show", "cell", "toy-line/toy-raw/toy-agent/1", "bad"))
         answer(say("export", "bad", "--format", "jsonl"))
@@ -50,7 +49,7 @@ def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, example
         answer(say("results", "merge", "new", "bad"))
         shutil.rmtree("new", ignore_errors=True)
 
-    fuzz(examples, damaged((good / FILE).read_bytes(), 3), check)
+    fuzz(examples, damaged((good / LEDGER).read_bytes(), 3), check)
 
 
 @pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
@@ -59,13 +58,13 @@ def test_what_writes_a_ledger_goes_on_or_refuses_it(brief, good, examples):
     def check(data: bytes) -> None:
         shutil.rmtree("bad", ignore_errors=True)
         shutil.copytree(good, "bad")
-        (Path("bad") / FILE).write_bytes(data)
+        (Path("bad") / LEDGER).write_bytes(data)
         answer(brief("results", "remove", "bad", "toy-line/toy-wrong/*", "--yes"))
         answer(brief(*RUN, *HERE, "--results", "bad"))
         answer(brief(*RUN, *HERE, "--results", "bad", "--retry", "failed"))
         answer(brief("verify", "bad", "--repair"))
 
-    fuzz(examples, damaged((good / FILE).read_bytes(), 3), check)
+    fuzz(examples, damaged((good / LEDGER).read_bytes(), 3), check)
 
 
 @sizes(15, 1_500)

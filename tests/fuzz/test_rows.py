@@ -13,7 +13,7 @@ from helpers.impossible_rows import DELETED, Place, changed, insert, places, pla
 from helpers.synthetic_results import result
 from hypothesis import strategies as st
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.report.figures.files import Drawing
 
 SHOWN = "hold-disc/flag/dqn/0"
@@ -37,7 +37,7 @@ def test_what_reads_rows_shows_those_that_can_be(say, toy, examples, monkeypatch
     def check(edits: list[tuple[int, dict[Place, Any]]]) -> None:
         for folder in ("rows", "new"):
             shutil.rmtree(folder, ignore_errors=True)
-        with Ledger(Path("rows") / FILE) as ledger:
+        with Ledger(Path("rows") / LEDGER) as ledger:
             ledger.record(result("flag"))
         for number, (which, changes) in enumerate(edits, 1):
             like = ROWS[which] | {"seed": number, "key": str(number)}

@@ -11,7 +11,7 @@ from pathlib import Path
 from helpers import line_task
 from helpers.kept_policies import install, trained
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.share.bundle import METADATA, About, Packed, pack
 from stlbench.study import trial
@@ -24,7 +24,7 @@ def folder_of_results(site: Callable[..., Path], folder: Path) -> Path:
     """With a ledger of one cell, `zz-line/raw/zz-kept/0`, its policies and its traces."""
     folder.mkdir()
     result = trained(site, folder)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(result)
     (folder / "report.md").write_text("# A report\n")
     return folder
@@ -86,7 +86,7 @@ def submission(
     install(site, budgets=budgets)
     folder = target.with_suffix("")
     folder.mkdir()
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         for seed in seeds:
             cell = Cell(CellId.parse(f"zz-line/raw/zz-kept/{seed}", "quick"), f"{seed:032x}", 60)
             late_one = cell.ended("timeout", "stopped after 60 s")

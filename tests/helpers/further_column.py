@@ -10,18 +10,19 @@ from pathlib import Path
 from helpers.synthetic_results import result
 from stlbench import Results
 from stlbench.gate.snapshot import gather, load, save
-from stlbench.records.ledger import FILE, Ledger
-from stlbench.report import Report, condense, to_csv
+from stlbench.records.ledger import LEDGER, Ledger
+from stlbench.report import Report, condense
+from stlbench.report.tables.table import to_csv
 from stlbench.study.logs import logged
 
 
 def main(folder: Path) -> None:
     """The folder has a ledger without the column."""
     one, other = result(tries=7), result(seed=1)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(one)
         kept = [each.measurement.tries for each in ledger.results() if each.measurement]  # type: ignore[attr-defined]
-    with sqlite3.connect(folder / FILE) as database:
+    with sqlite3.connect(folder / LEDGER) as database:
         column = [value for (value,) in database.execute("SELECT tries FROM cells ORDER BY seed")]
     save(folder / "reference", gather([one]))
     tables = [to_csv(Report(condense(several), {}).tables["cells"]).splitlines() for several in ([one], [other])]

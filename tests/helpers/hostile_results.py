@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from helpers.synthetic_results import result
-from stlbench.records.array_files import save_samples
+from stlbench.records.array_files import Assessment, save_traces
 from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
 
@@ -22,7 +22,7 @@ def recorded(method: str, folder: Path, seed: int = 0) -> Result:
     traces = np.full((3, 201, 2), 2.0)
     traces[:, 100, 0] += DISTANCES[method]
     made = result(method, seed, robustness=[1 - distance for distance in DISTANCES[method]])
-    save_samples(cell_files(folder, made.id, made.key).traces, traces, ("x", "y"))
+    save_traces(cell_files(folder, made.id, made.key).traces, Assessment({}, traces, None), ("x", "y"))
     return made
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from helpers.ledgers import say
 from helpers.synthetic_results import plan, result
 from stlbench.records.identity import IDENTITY
-from stlbench.records.ledger import FILE
+from stlbench.records.ledger import LEDGER
 from stlbench.records.observation import Observation
 from stlbench.records.result import RANDOM, Result, Score, StoredPolicies, Summary, to_json
 from stlbench.records.rows import checksum_of
@@ -123,7 +123,7 @@ def insert(folder: Path, row: Any, like: Any) -> None:
     columns |= {"reason": "", "recorded_at": "", "result": text, "checksum": checksum_of(text), "files": "{}"}
     columns |= {"failures": 0, "again": 0}
     names, marks = ", ".join(columns), ", ".join("?" * len(columns))
-    say(folder / FILE, f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", values=tuple(columns.values()))
+    say(folder / LEDGER, f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", values=tuple(columns.values()))
 
 
 def _column(row: Any, like: Any, name: str) -> Any:

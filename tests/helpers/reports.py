@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stlbench import report
-from stlbench.report import Group, Report, Table, Width
+from stlbench.report import Report
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Table, Width
 from stlbench.study.plugin_guard import load_guarded
 from stlbench.tracks.references import References
 

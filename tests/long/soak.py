@@ -28,7 +28,7 @@ import psutil
 from long.faults import KINDS, install
 from long.soaked import ANNOUNCED, RESULTS, kinds
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import MAIN, Result
 
 __all__ = ["Soak", "main"]
@@ -136,7 +136,7 @@ class Soak:
 
     def _sample(self, run: psutil.Popen) -> None:
         now = time.monotonic()
-        if now - getattr(self, "_sampled", 0.0) > 1 and (self.folder / RESULTS / FILE).exists():
+        if now - getattr(self, "_sampled", 0.0) > 1 and (self.folder / RESULTS / LEDGER).exists():
             self._sampled = now
             with suppress(psutil.Error):
                 memory, descriptors = run.memory_info().rss, run.num_fds()
@@ -169,9 +169,9 @@ class Soak:
         return found
 
     def _results(self) -> list[Result]:
-        if not (self.folder / RESULTS / FILE).exists():
+        if not (self.folder / RESULTS / LEDGER).exists():
             return []
-        with Ledger(self.folder / RESULTS / FILE) as ledger:
+        with Ledger(self.folder / RESULTS / LEDGER) as ledger:
             return list(ledger.results())
 
     def _broken(self, what: str) -> None:

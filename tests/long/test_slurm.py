@@ -18,7 +18,7 @@ from helpers.reader import ROOT
 from helpers.waiting import wait_for
 from long import slurm_cluster
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import writer
 from stlbench.records.upkeep import merge
 from stlbench.study.study import Study
@@ -52,7 +52,7 @@ def queue(*options: str) -> None:
 
 
 def recorded(number: int) -> int:
-    file = Path(f"study/shard-{number}-of-2") / FILE
+    file = Path(f"study/shard-{number}-of-2") / LEDGER
     if not file.exists():
         return 0
     with Ledger(file, create=False) as ledger:
@@ -67,7 +67,7 @@ def check_merged() -> None:
     """Both folders together have each cell, measured once."""
     counts = [merge(Path("study"), folder) for folder in sorted(Path("study").glob("shard-*"))]
     assert [count.added for count in counts] == [6, 6]
-    with Ledger(Path("study") / FILE, create=False) as ledger:
+    with Ledger(Path("study") / LEDGER, create=False) as ledger:
         assert {result.key for result in ledger.results()} == {cell.key for cell in Study.of({}, "study.yaml").cells()}
         assert {result.status for result in ledger.results()} == {"done"}
 

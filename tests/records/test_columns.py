@@ -13,7 +13,7 @@ from pathlib import Path
 from helpers.synthetic_results import measurement, plan, result
 
 import stlbench
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import SCHEMA, Measurement
 
 NESTED = {"selected", "final", "curve", "planned", "policies"}
@@ -34,7 +34,7 @@ def test_a_column_that_is_declared_stands_in_every_place(tmp_path: Path) -> None
     edited(declared, "    planned: Planned | None = None\n", "    tries: Whole | None = None\n")
     edited(declared, '    "maximised": Datum(', '    "tries": Datum("tries", ledger=True, log="tries"),\n')
     edited(gate, "METRICS = QUALITIES + COSTS\n", 'QUALITIES += (Metric("tries", "tries", absolute, 1.0, "{:g}"),)\n')
-    with Ledger(folder / FILE) as ledger:  # one of before
+    with Ledger(folder / LEDGER) as ledger:  # one of before
         ledger.record(result(seed=1))
     paths = os.pathsep.join(map(str, (copy, TESTS)))
     command = (sys.executable, TESTS / "helpers/further_column.py", folder)

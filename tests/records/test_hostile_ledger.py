@@ -15,8 +15,8 @@ from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import array_files, lines, schema, stored
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records import array_files, lines, results_folder, schema
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import cell_files
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.upkeep import repair, verify
@@ -27,11 +27,11 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 
 @pytest.fixture
 def ledger(tmp_path: Path) -> Path:
-    with Ledger(tmp_path / FILE) as made:
+    with Ledger(tmp_path / LEDGER) as made:
         for seed in range(3):
             made.record(result(seed=seed))
         made.plan_also({f"planned-{seed}": result(seed=seed).id for seed in range(3, 9)})
-    return tmp_path / FILE
+    return tmp_path / LEDGER
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def ledger(tmp_path: Path) -> Path:
 )
 def test_what_stlbench_does_not_write_is_refused(ledger: Path, statements: Sequence[str], said: str) -> None:
     say(ledger, *statements)
-    for read in (Results.load, verify, repair, lambda folder: list(stored.read(folder))):
+    for read in (Results.load, verify, repair, lambda folder: list(results_folder.read(folder))):
         with pytest.raises(UsageError, match=said):
             read(ledger.parent)
     with pytest.raises(UsageError, match=said), Ledger(ledger) as written:
@@ -63,7 +63,7 @@ def test_a_value_that_is_too_long_is_named_and_the_others_are_read(
     monkeypatch.setattr(schema, "LONGEST", 100_000)
     say(ledger, "UPDATE cells SET result = zeroblob(100001) WHERE seed = 1")
     with pytest.warns(LedgerWarning, match="too big"):
-        assert [each.id.seed for each in stored.read(ledger.parent)] == [0, 2]
+        assert [each.id.seed for each in results_folder.read(ledger.parent)] == [0, 2]
     (damage,) = verify(ledger.parent).damages
     assert (damage.what, damage.problem) == ("row", "string or blob too big")
 
@@ -73,7 +73,7 @@ def test_pages_that_point_to_pages_for_ever_come_to_an_end(ledger: Path, table: 
     endless(ledger, table)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)
-        for read in (Results.load, verify, lambda folder: list(stored.read(folder)), stored.missing):
+        for read in (Results.load, verify, lambda folder: list(results_folder.read(folder)), results_folder.missing):
             with suppress(UsageError):
                 read(ledger.parent)
 

@@ -13,8 +13,8 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files
-from stlbench.records.array_files import read_cell, read_saved, save_samples
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.array_files import Assessment, read_cell, read_saved, save_traces
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import from_json, to_json
 from stlbench.records.result_files import cell_files
 from stlbench.records.rows import LedgerWarning
@@ -23,13 +23,13 @@ from stlbench.records.upkeep import verify
 
 @pytest.fixture
 def folder(tmp_path):
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.record(result())
     return tmp_path
 
 
 def read(folder):
-    with warnings.catch_warnings(record=True) as caught, Ledger(folder / FILE, create=False) as ledger:
+    with warnings.catch_warnings(record=True) as caught, Ledger(folder / LEDGER, create=False) as ledger:
         warnings.simplefilter("always")
         return list(ledger.results()), [str(each.message) for each in caught]
 
@@ -45,7 +45,7 @@ def test_an_impossible_row_is_left_out_with_a_warning_and_the_others_are_read(fo
     insert(folder, changed(row, IMPOSSIBLE[wrong]), row)
     results, (warning,) = read(folder)
     assert results == [result()]
-    assert f"{folder / FILE}: the row of " in warning
+    assert f"{folder / LEDGER}: the row of " in warning
     assert "is damaged and passed over" in warning
     assert len(warning) < 500
 
@@ -83,7 +83,7 @@ def test_a_row_whose_columns_say_another_cell_is_left_out(folder):
     """Else the cell would be there twice."""
     insert(folder, plain(result()), {**plain(result()), "seed": 5})
     insert(folder, {**plain(result()), "key": "k"}, plain(result()))
-    say(folder / FILE, "UPDATE cells SET seed = 7 WHERE key = 'k'")
+    say(folder / LEDGER, "UPDATE cells SET seed = 7 WHERE key = 'k'")
     results, said = read(folder)
     assert results == [result()]
     assert "its columns do not say what its result says" in said[0]
@@ -95,11 +95,11 @@ def test_a_row_whose_columns_say_another_cell_is_left_out(folder):
 )
 def test_an_impossible_column_is_left_out_with_a_warning(folder, column, value):
     insert(folder, plain(rich()), plain(rich()))
-    say(folder / FILE, f"UPDATE cells SET {column} = ? WHERE key = ?", values=(value, rich().key))
+    say(folder / LEDGER, f"UPDATE cells SET {column} = ? WHERE key = ?", values=(value, rich().key))
     results, said = read(folder)
     assert results == [result()]
     assert len(said) == 1
-    with Ledger(folder / FILE, create=False) as ledger, warnings.catch_warnings():
+    with Ledger(folder / LEDGER, create=False) as ledger, warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)
         assert ledger.given_up([rich().key, result().key], 1) == []
 
@@ -107,8 +107,8 @@ def test_an_impossible_column_is_left_out_with_a_warning(folder, column, value):
 def test_text_that_is_no_utf_8_is_damage(folder):
     """SQLite takes any bytes for a text."""
     insert(folder, plain(rich()), plain(rich()))
-    say(folder / FILE, "UPDATE cells SET reason = CAST(X'FF' AS TEXT), method = CAST(X'66FF' AS TEXT) WHERE seed = 0")
-    say(folder / FILE, "UPDATE cells SET method = 'funnel' WHERE key = ?", values=(result().key,))
+    say(folder / LEDGER, "UPDATE cells SET reason = CAST(X'FF' AS TEXT), method = CAST(X'66FF' AS TEXT) WHERE seed = 0")
+    say(folder / LEDGER, "UPDATE cells SET method = 'funnel' WHERE key = ?", values=(result().key,))
     results, said = read(folder)
     assert results == [result()]
     assert len(said) == 1
@@ -116,7 +116,7 @@ def test_text_that_is_no_utf_8_is_damage(folder):
 
 def test_a_schema_that_is_no_utf_8_is_refused_in_one_line(folder):
     """SQLite quotes the damaged name in its error."""
-    file = folder / FILE
+    file = folder / LEDGER
     data = file.read_bytes()
     assert data.count(b"INDEX listed ON cells") == 1
     file.write_bytes(data.replace(b"INDEX listed ON cells", b"INDEX \x9aisted ON \xffells"))
@@ -126,7 +126,7 @@ def test_a_schema_that_is_no_utf_8_is_refused_in_one_line(folder):
 
 def test_traces_of_other_starts_than_the_row_says_are_refused(tmp_path):
     made = result(robustness=[1.0] * 1000)
-    save_samples(cell_files(tmp_path, made.id, made.key).traces, np.zeros((8, 3, 1)), ("x",))
+    save_traces(cell_files(tmp_path, made.id, made.key).traces, Assessment({}, np.zeros((8, 3, 1)), None), ("x",))
     with pytest.raises(UsageError, match="traces from 8 starts, and its row says 1000"):
         read_cell(tmp_path, made)
 
@@ -153,8 +153,8 @@ def test_a_count_of_failures_that_cannot_be_begins_again(folder):
     failed = result("mine", status="raised")
     for count in ("many", -5, 2**63 - 1):
         insert(folder, plain(failed), plain(failed))
-        say(folder / FILE, "UPDATE cells SET failures = ? WHERE key = ?", values=(count, failed.key))
-        with Ledger(folder / FILE) as ledger:
+        say(folder / LEDGER, "UPDATE cells SET failures = ? WHERE key = ?", values=(count, failed.key))
+        with Ledger(folder / LEDGER) as ledger:
             ledger.record(failed)
             assert ledger.given_up([failed.key], 1) == [failed.id]
             assert ledger.given_up([failed.key], 2) == []

@@ -13,8 +13,8 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import lines, stored
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records import lines, results_folder
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import LINES, PACKED
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.upkeep import merge, remove
@@ -22,7 +22,7 @@ from stlbench.records.upkeep import merge, remove
 
 @pytest.fixture
 def folder(tmp_path):
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.plan({f"key {seed}": result(seed=seed).id for seed in range(4)})
         for seed in range(3):
             ledger.record(keyed(seed))
@@ -34,18 +34,22 @@ def keyed(seed, **changes):
 
 
 def seeds(folder):
-    return [entry.id.seed for entry in stored.read(folder / LINES)]
+    return [entry.id.seed for entry in results_folder.read(folder / LINES)]
 
 
 def test_each_result_is_a_line_as_it_is_recorded(folder):
-    assert list(stored.read(folder / LINES)) == list(stored.read(folder)) == [keyed(seed) for seed in range(3)]
+    assert (
+        list(results_folder.read(folder / LINES))
+        == list(results_folder.read(folder))
+        == [keyed(seed) for seed in range(3)]
+    )
 
 
 def test_of_a_cell_that_stands_twice_the_last_line_counts(folder):
     later = replace(keyed(1), key="edited", status="raised", reason="ValueError: x", measurement=None)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(later)
-    assert list(stored.read(folder / LINES)) == [keyed(0), keyed(2), later]
+    assert list(results_folder.read(folder / LINES)) == [keyed(0), keyed(2), later]
 
 
 def test_what_was_removed_or_merged_is_so_in_the_lines(folder, tmp_path):
@@ -53,7 +57,7 @@ def test_what_was_removed_or_merged_is_so_in_the_lines(folder, tmp_path):
     assert seeds(folder) == [0, 2]
     merge(folder / "merged", folder)
     assert seeds(folder / "merged") == [0, 2]
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(keyed(1))
     assert seeds(folder) == [0, 2, 1]
 
@@ -62,9 +66,9 @@ def test_what_was_removed_or_merged_is_so_in_the_lines(folder, tmp_path):
 def test_a_last_line_that_was_cut_is_left_out_and_the_next_takes_its_place(folder, left):
     text = (folder / LINES).read_text()
     (folder / LINES).write_text(text + text[:left])
-    (folder / FILE).unlink()
+    (folder / LEDGER).unlink()
     with pytest.warns(LedgerWarning, match=r"cells\.jsonl, line 4: it was cut, as by a kill, and is left out"):
-        assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
+        assert [entry.id.seed for entry in results_folder.read(folder)] == [0, 1, 2]
     lines.append(folder, [keyed(3)])
     assert seeds(folder) == [0, 1, 2, 3]
 
@@ -90,30 +94,33 @@ def test_a_line_that_is_cut_within_the_file_is_refused_and_so_is_another_text(fo
 
 def test_lines_get_what_they_lack_of_the_ledger_when_a_run_begins(folder):
     """As those of an earlier version, or of a file that was deleted; and only the result of a cell that counts."""
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(replace(keyed(2), key="old"))
         ledger.record(keyed(2))
         (folder / LINES).unlink()
-        stored.take_over(folder, ledger)
-        assert sorted(stored.read(folder / LINES), key=lambda each: each.id) == [keyed(seed) for seed in range(3)]
+        results_folder.take_over(folder, ledger)
+        assert sorted(results_folder.read(folder / LINES), key=lambda each: each.id) == [
+            keyed(seed) for seed in range(3)
+        ]
         size = (folder / LINES).stat().st_size
-        stored.take_over(folder, ledger)
+        results_folder.take_over(folder, ledger)
     assert (folder / LINES).stat().st_size == size
 
 
 def test_packed_lines_are_read_as_others_and_are_the_same_bytes_at_any_time(folder, monkeypatch):
-    planned = stored.missing(folder)
-    count = lines.write_lines(stored.read(folder), folder / PACKED, planned)
+    planned = results_folder.missing(folder)
+    count = lines.write_lines(results_folder.read(folder), folder / PACKED, planned)
     monkeypatch.setattr(time, "time", lambda: 1e9)
     (folder / "later").mkdir()
-    lines.write_lines(stored.read(folder), folder / "later" / PACKED, planned)
+    lines.write_lines(results_folder.read(folder), folder / "later" / PACKED, planned)
     assert (folder / PACKED).read_bytes() == (folder / "later" / PACKED).read_bytes()
     assert (count, planned) == (4, {"key 3": result(seed=3).id})
-    assert lzma.decompress((folder / PACKED).read_bytes()).decode() == lines.text_of(stored.read(folder), planned)
-    assert list(stored.read(folder / "later")) == list(stored.read(folder))
-    assert stored.missing(folder / "later") == planned
-    with Ledger(folder / "later" / FILE) as ledger:
-        stored.take_over(folder / "later", ledger)
+    text = lzma.decompress((folder / PACKED).read_bytes()).decode()
+    assert text == lines.text_of(results_folder.read(folder), planned)
+    assert list(results_folder.read(folder / "later")) == list(results_folder.read(folder))
+    assert results_folder.missing(folder / "later") == planned
+    with Ledger(folder / "later" / LEDGER) as ledger:
+        results_folder.take_over(folder / "later", ledger)
         assert ledger.missing() == [result(seed=3).id]
     assert seeds(folder / "later") == [0, 1, 2]  # from here on the run writes there
 
@@ -133,7 +140,7 @@ def test_a_packed_file_that_is_damaged_or_without_end_is_one_line(tmp_path, monk
     (tmp_path / PACKED).write_bytes(damaged.get(how, packed))
     monkeypatch.setattr(lines, "_UNPACKED", 1000 if how == "bomb" else 2**33)
     with pytest.raises(UsageError, match="the file would be more than" if how == "bomb" else r"cannot read|line \d+: "):
-        list(stored.read(tmp_path))
+        list(results_folder.read(tmp_path))
 
 
 @pytest.mark.parametrize("kind", ["link", "nowhere", "pipe", "folder"])
@@ -147,8 +154,8 @@ def test_nothing_is_written_through_a_link_and_no_pipe_is_waited_for(folder, kin
         os.mkfifo(folder / LINES)
     else:
         (folder / LINES).mkdir()
-    with Ledger(folder / FILE) as ledger:
-        for write in (lambda: ledger.record(keyed(5)), lambda: stored.take_over(folder, ledger)):
+    with Ledger(folder / LEDGER) as ledger:
+        for write in (lambda: ledger.record(keyed(5)), lambda: results_folder.take_over(folder, ledger)):
             with pytest.raises(UsageError, match=r"cells\.jsonl"):
                 write()
         assert len(list(ledger.results())) == 3
@@ -160,7 +167,7 @@ def recording(folder, begin):
     """A process that records cells, from a seed on, and the pipe where it announces each; it is killed later."""
     here, there = os.pipe()
     if (process := os.fork()) == 0:
-        with suppress(BaseException), Ledger(folder / FILE) as ledger:
+        with suppress(BaseException), Ledger(folder / LEDGER) as ledger:
             for seed in range(begin, 10_000):
                 ledger.record(result(seed=seed))
                 os.write(there, f"{seed}\n".encode())
@@ -180,10 +187,10 @@ def test_whenever_a_run_is_killed_what_was_announced_is_in_ledger_and_lines(tmp_
             os.kill(process, signal.SIGKILL)
             announced += map(int, pipe.read().split())
         assert os.waitpid(process, 0)[1] == signal.SIGKILL
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         recorded = {entry.id.seed for entry in ledger.results()}
     assert set(announced) <= recorded <= set(seeds(tmp_path))
-    (tmp_path / FILE).unlink()
-    with Ledger(tmp_path / FILE) as ledger:
-        stored.take_over(tmp_path, ledger)
+    (tmp_path / LEDGER).unlink()
+    with Ledger(tmp_path / LEDGER) as ledger:
+        results_folder.take_over(tmp_path, ledger)
         assert {entry.id.seed for entry in ledger.results()} == set(seeds(tmp_path))

@@ -14,9 +14,8 @@ from helpers import scripted_cells
 
 from stlbench.errors import UsageError
 from stlbench.records import upkeep
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import writing
-from stlbench.study import run
 from stlbench.study.scheduler import build_executor
 
 HOLDS = """
@@ -46,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("scripted")
 
 def study(folder, *methods, executor=None):
     place = executor or scripted_cells.Here()
-    run.run_cells(scripted_cells.cells(*methods), folder, place, run_cell=scripted_cells.run_in)
+    scripted_cells.run_cells(scripted_cells.cells(*methods), folder, place)
 
 
 def test_a_second_run_is_told_who_writes_and_writes_nothing(held):
@@ -62,14 +61,14 @@ def test_a_process_that_was_killed_holds_nothing(held):
     holder.send_signal(signal.SIGKILL)
     holder.wait()
     study(folder, "a")
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         assert len(list(ledger.results())) == 1
 
 
 def test_what_a_run_has_started_does_not_hold_the_folder_when_it_has_ended(tmp_path):
     study(tmp_path, "a")
     study(tmp_path, "a", "kill", executor=build_executor(jobs=1))
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         assert [entry.status for entry in ledger.results()] == ["unsuitable", "killed"]
 
 
@@ -87,7 +86,7 @@ def test_one_who_only_looks_who_writes_keeps_nobody_from_writing(tmp_path):
 def test_cells_are_not_removed_or_merged_where_another_process_writes(held, tmp_path):
     folder, _ = held
     study(tmp_path / "other", "a")
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(scripted_cells.cells("a")[0].ended("unsuitable"))
     with pytest.raises(UsageError, match="is written by process"):
         upkeep.remove(folder, [scripted_cells.cells("a")[0].id])

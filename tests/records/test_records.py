@@ -12,7 +12,7 @@ from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import ACCIDENTS
 from stlbench.records.result_files import LINES
@@ -44,7 +44,7 @@ def read(path):
         missing = [cell.seed for cell in ledger.missing()]
         ledger.finished(keys, ACCIDENTS, 3)
         ledger.counted()
-        list(ledger.recorded())
+        list(ledger.inspected())
     assert all(issubclass(one.category, LedgerWarning) for one in said)
     assert all("is damaged and passed over; `stlbench verify" in str(one.message) for one in said)
     return seeds, missing, {str(one.message) for one in said}
@@ -77,7 +77,7 @@ def test_a_damaged_page_anywhere_is_one_line_with_the_ways_out(whole, how):
             repair(path.parent)
     assert refused >= len(content) // size - 5
     path.unlink()
-    assert [entry.id.seed for entry in stored.read(path.parent)] == list(range(COUNT))
+    assert [entry.id.seed for entry in results_folder.read(path.parent)] == list(range(COUNT))
 
 
 def test_the_first_page_says_what_the_file_is_and_without_it_nothing_is_read(whole):
@@ -95,7 +95,7 @@ def test_what_writes_into_a_damaged_ledger_says_the_same(whole):
     with Ledger(path) as ledger, pytest.raises(UsageError, match=r"cannot write the ledger .*; take the file"):
         ledger.record(result(seed=COUNT))
     path.unlink()
-    assert [entry.id.seed for entry in stored.read(path.parent)] == list(range(COUNT + 1))
+    assert [entry.id.seed for entry in results_folder.read(path.parent)] == list(range(COUNT + 1))
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records import results_folder
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import Result
 from stlbench.records.result_files import LINES, cell_files
@@ -30,7 +30,7 @@ def result(*which, **more) -> Result:
 
 def folder_of(path: Path, *results: Result) -> Path:
     """A ledger, and files of traces and of policies for each of the results; their content is the folder's name."""
-    with Ledger(path / FILE) as ledger:
+    with Ledger(path / LEDGER) as ledger:
         for one in results:
             for file in (cell_files(path, one.id, one.key).traces, cell_files(path, one.id, one.key).policies):
                 file.parent.mkdir(parents=True, exist_ok=True)
@@ -93,7 +93,7 @@ def test_choosing_nothing(folder, said, message):
 
 def test_what_is_removed_is_gone_with_its_files_and_older_results(folder):
     cell = result("funnel", 0).id
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(replace(result("funnel", 0), key="of an older plugin"))
         ledger.plan({"planned": cell})
     assert [len(list((folder / kind).iterdir())) for kind in ("traces", "policies")] == [5, 5]
@@ -181,13 +181,13 @@ def test_other_scores_under_the_same_key_are_named_but_not_of_an_edited_plugin(t
 def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
     a, b, c = (result("funnel", seed) for seed in range(3))
     into, source = folder_of(tmp_path / "into", a), folder_of(tmp_path / "source", b)
-    with Ledger(source / FILE) as ledger:
+    with Ledger(source / LEDGER) as ledger:
         ledger.plan({one.key: one.id for one in (a, b, c)})
     assert merge(into, source) == counts(added=1, planned=1)
     assert Results.load(into).missing == (c.id,)
     assert merge(into, source) == counts(kept=1)
     text = tmp_path / "text"
-    write_lines(stored.read(source), text / LINES, stored.missing(source))
+    write_lines(results_folder.read(source), text / LINES, results_folder.missing(source))
     assert merge(tmp_path / "other", text) == counts(added=1, planned=2)
     assert Results.load(tmp_path / "other").missing == (a.id, c.id)
 
@@ -204,11 +204,11 @@ def test_a_damaged_file_is_not_copied_and_named(tmp_path):
 
 def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):
     entries = [result(seed=seed) for seed in range(3)]
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         for entry in entries:
             ledger.record(entry)
     write_lines(entries, tmp_path / "other" / LINES)
     for folder in (tmp_path, tmp_path / "other"):
-        with stored.one_by_one(folder) as find:
-            assert [find(entry.id) for entry in entries] == list(stored.read(folder))
+        with results_folder.one_by_one(folder) as find:
+            assert [find(entry.id) for entry in entries] == list(results_folder.read(folder))
             assert find(result(seed=7).id) is None

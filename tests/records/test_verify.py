@@ -10,12 +10,11 @@ from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records import results_folder
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import LINES, cell_files
 from stlbench.records.upkeep import merge, remove, repair, verify
-from stlbench.study import run
 
 
 def keyed(seed):
@@ -26,7 +25,7 @@ def keyed(seed):
 def folder(tmp_path):
     """Three cells, with files that say what they are."""
     place = tmp_path / "results"
-    with Ledger(place / FILE) as ledger:
+    with Ledger(place / LEDGER) as ledger:
         entries = [keyed(seed) for seed in range(3)]
         ledger.plan({entry.key: entry.id for entry in entries})
         for entry in entries:
@@ -45,12 +44,12 @@ def test_a_whole_folder(folder):
     found = verify(folder)
     assert (found.rows, found.files, found.is_whole) == (3, 6, True)
     assert repair(folder) == found
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         assert len(ledger.finished(keyed(seed).key for seed in range(3))) == 3
 
 
 def deleted(folder, rule="1", table="cells"):
-    say(folder / FILE, f"DELETE FROM {table} WHERE {rule}")
+    say(folder / LEDGER, f"DELETE FROM {table} WHERE {rule}")
 
 
 @pytest.mark.parametrize(("rule", "seeds"), [("seed = 1", [1]), ("seed < 2", [0, 1]), ("1", [0, 1, 2])])
@@ -64,7 +63,7 @@ def test_rows_that_were_deleted_are_named(folder, rule, seeds, planned):
     assert (found.rows, said(found), found.is_whole) == (3 - len(seeds), expected, False)
     assert said(repair(folder)) == expected
     assert verify(folder).is_whole
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         assert [cell.seed for cell in ledger.missing()] == seeds  # the next run measures them
         ledger.record(keyed(seeds[0]))
     assert (verify(folder).rows, verify(folder).is_whole) == (4 - len(seeds), True)
@@ -72,7 +71,7 @@ def test_rows_that_were_deleted_are_named(folder, rule, seeds, planned):
 
 def test_rows_that_are_measured_again_are_there_again(folder):
     deleted(folder)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         for seed in range(3):
             ledger.record(keyed(seed))
     assert verify(folder).is_whole
@@ -87,7 +86,7 @@ def test_what_was_removed_put_together_or_copied_is_no_damage(folder, tmp_path):
 
 def test_a_ledger_without_rows_is_empty_and_whole(tmp_path):
     """As that of a run that was killed before its first row; its files have the keys of the plan."""
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.plan({keyed(0).key: keyed(0).id})
     for path in cell_files(tmp_path, keyed(0).id, keyed(0).key):
         path.parent.mkdir()
@@ -98,19 +97,19 @@ def test_a_ledger_without_rows_is_empty_and_whole(tmp_path):
 
 def test_an_older_ledger_is_read_and_lists_its_rows_when_it_is_written(folder):
     """As stlbench wrote it before it listed the rows that it has recorded."""
-    say(folder / FILE, "DROP TABLE recorded", "PRAGMA user_version = 5")
-    before = (folder / FILE).read_bytes()
+    say(folder / LEDGER, "DROP TABLE recorded", "PRAGMA user_version = 5")
+    before = (folder / LEDGER).read_bytes()
     assert (verify(folder).rows, verify(folder).is_whole) == (3, True)
-    assert [entry.id.seed for entry in stored.read(folder)] == [0, 1, 2]
-    assert (folder / FILE).read_bytes() == before
-    with Ledger(folder / FILE) as ledger:
+    assert [entry.id.seed for entry in results_folder.read(folder)] == [0, 1, 2]
+    assert (folder / LEDGER).read_bytes() == before
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(keyed(3))
     deleted(folder, "seed IN (1, 3)")
     assert [damage.cell.seed for damage in verify(folder).damages] == [1, 3]
 
 
 def test_a_list_of_rows_that_is_gone_is_damage(folder):
-    say(folder / FILE, "DROP TABLE recorded")
+    say(folder / LEDGER, "DROP TABLE recorded")
     assert verify(folder).structure == ("it does not list the rows that were recorded",)
     with pytest.raises(UsageError, match=r"is damaged; take the file away, and the results are read from cells\.jsonl"):
         repair(folder)
@@ -129,7 +128,7 @@ def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folde
     assert (found.files, found.is_whole, found.marked) == (4, False, 0)
     assert said(repair(folder)) == expected
     assert verify(folder).marked == 2
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         assert len(list(ledger.results())) == 3
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(2).key}
         beside[0].traces.write_text("measured again")
@@ -139,11 +138,11 @@ def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folde
 
 
 def test_a_row_that_is_not_as_it_was_recorded(folder):
-    say(folder / FILE, "UPDATE cells SET result = replace(result, '0.4', '0.9') WHERE seed = 1")
+    say(folder / LEDGER, "UPDATE cells SET result = replace(result, '0.4', '0.9') WHERE seed = 1")
     (damage,) = verify(folder).damages
     assert (damage.what, damage.cell.seed) == ("row", 1)
     repair(folder)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
 
 
@@ -152,24 +151,24 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
     "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
 )
 def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
-    say(folder / FILE, f"UPDATE cells SET {column} WHERE seed = 1")
+    say(folder / LEDGER, f"UPDATE cells SET {column} WHERE seed = 1")
     problem = "its columns do not say what its result says"
     assert said(verify(folder)) == [("hold-disc/funnel/dqn/1 quick", "row", problem)]
     repair(folder)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
         ledger.record(keyed(1))
     assert verify(folder).is_whole
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         assert [entry.id.seed for entry in ledger.results()] == [0, 1, 2]
 
 
 def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, scripted):
     cells, again = scripted_cells.cells("a", "b", "c"), scripted_cells.Here()
-    run.run_cells(cells, tmp_path, scripted_cells.Here(), run_cell=scripted_cells.run_in)
-    say(tmp_path / FILE, "UPDATE cells SET result = '{}' WHERE seed = 1")
+    scripted_cells.run_cells(cells, tmp_path, scripted_cells.Here())
+    say(tmp_path / LEDGER, "UPDATE cells SET result = '{}' WHERE seed = 1")
     repair(tmp_path)
-    run.run_cells(cells, tmp_path, again, run_cell=scripted_cells.run_in)
+    scripted_cells.run_cells(cells, tmp_path, again)
     assert again.ran == [("b", 60)]
     assert verify(tmp_path).is_whole
 

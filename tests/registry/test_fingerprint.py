@@ -10,7 +10,7 @@ import pytest
 
 from stlbench.registry import fingerprint as fingerprints
 from stlbench.registry import plugins
-from stlbench.registry.fingerprint import Code, code_of, fingerprint, own_code, revision
+from stlbench.registry.fingerprint import Code, code_of, own_code, revision
 
 FILES = {
     "zz_pack/__init__.py": "raise RuntimeError('never run')",
@@ -28,10 +28,10 @@ FILES = {
 @pytest.mark.parametrize("edited", ["__init__", "one", "shared", "below", "deep/__init__", "deep/impl", "late"])
 def test_an_edit_of_the_module_or_of_what_it_imports_from_its_package_is_seen(site, edited):
     root = site("acme", "", FILES)
-    before = fingerprint("zz_pack.one")
+    before = code_of("zz_pack.one").digest
     with (root / f"zz_pack/{edited}.py").open("a") as file:
         file.write("edited = 1\n")
-    assert fingerprint("zz_pack.one") != before
+    assert code_of("zz_pack.one").digest != before
     assert "zz_pack" not in sys.modules
 
 
@@ -55,25 +55,25 @@ BLOCKS = [
 @pytest.mark.parametrize("block", BLOCKS)
 def test_an_import_inside_any_block_is_seen(site, block):
     root = site("acme", "", FILES | {"zz_pack/one.py": block.format("from zz_pack.late import x") + "\n"})
-    before = fingerprint("zz_pack.one")
+    before = code_of("zz_pack.one").digest
     (root / "zz_pack/late.py").write_text("x = 2\n")
-    assert fingerprint("zz_pack.one") != before
+    assert code_of("zz_pack.one").digest != before
 
 
 def test_an_edit_elsewhere_is_not_seen_and_the_place_does_not_matter(site):
     root = site("acme", "", FILES)
-    before = fingerprint("zz_pack.one")
+    before = code_of("zz_pack.one").digest
     (root / "zz_pack/other.py").write_text("y = 2\n")
-    assert fingerprint("zz_pack.one") == before
+    assert code_of("zz_pack.one").digest == before
     site("acme", "", FILES, folder="elsewhere")
-    assert fingerprint("zz_pack.one") == before
+    assert code_of("zz_pack.one").digest == before
 
 
 def test_a_single_module_and_none_at_all(site):
     site("acme", "", FILES)
-    assert fingerprint("zz_single") != fingerprint("zz_nowhere")
+    assert code_of("zz_single").digest != code_of("zz_nowhere").digest
     assert [name for name, _ in code_of("zz_pack.nowhere").files] == ["zz_pack"]
-    assert len(fingerprint("zz_nowhere")) == 32
+    assert len(code_of("zz_nowhere").digest) == 32
 
 
 def test_an_import_for_type_checkers_alone_is_not_followed(site):
@@ -86,12 +86,12 @@ def test_modules_of_other_packages_count_that_no_distribution_has_installed(site
     files = FILES | {"zz_pack/one.py": "import zz_single\nfrom zz_help.tools import tool\n"}
     root = site("acme", "", files | {"zz_help/__init__.py": "", "zz_help/tools.py": "import zz_help.more\n"})
     (root / "zz_help/more.py").write_text("tool = 1\n")
-    before = fingerprint("zz_pack.one")
+    before = code_of("zz_pack.one").digest
     (root / "zz_help/more.py").write_text("tool = 2\n")
-    assert fingerprint("zz_pack.one") != before
-    before = fingerprint("zz_pack.one")
+    assert code_of("zz_pack.one").digest != before
+    before = code_of("zz_pack.one").digest
     (root / "zz_single.py").write_text("z = 2\n")
-    assert fingerprint("zz_pack.one") != before
+    assert code_of("zz_pack.one").digest != before
 
 
 @pytest.fixture
@@ -100,10 +100,10 @@ def packages(site, monkeypatch):
 
     def install(files):
         monkeypatch.syspath_prepend(site("acme", "", files) / "site-packages")
-        fingerprints._all_distributions.cache_clear()
+        fingerprints.all_distributions.cache_clear()
 
     yield install
-    fingerprints._all_distributions.cache_clear()
+    fingerprints.all_distributions.cache_clear()
 
 
 def test_installed_distributions_count_by_version_and_pythons_own_do_not(packages):
@@ -155,20 +155,20 @@ def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people(site):
     root = site("acme", "", FILES | DATA | {"zz_pack/one.py": "x = 1\n"})
     found = dict(code_of("zz_pack.one").files)
     assert found.keys() == {"zz_pack", "zz_pack.one", "zz_pack/table.npz", "zz_pack/data/deep/model.xml"}
-    before = fingerprint("zz_pack.one")
+    before = code_of("zz_pack.one").digest
     (root / "zz_pack/data/deep/model.xml").write_text("<b/>")
-    assert fingerprint("zz_pack.one") != before
-    before = fingerprint("zz_pack.one")
+    assert code_of("zz_pack.one").digest != before
+    before = code_of("zz_pack.one").digest
     (root / "zz_pack/new.json").write_text("{}")
-    assert fingerprint("zz_pack.one") != before
+    assert code_of("zz_pack.one").digest != before
 
 
 def test_a_pipe_beside_the_modules_is_not_waited_for_and_a_circle_of_links_ends(site):
     root = site("acme", "", FILES)
-    before = fingerprint("zz_pack.one")
+    before = code_of("zz_pack.one").digest
     os.mkfifo(root / "zz_pack/pipe")
     (root / "zz_pack/again").symlink_to(root / "zz_pack")
-    assert fingerprint("zz_pack.one") == before
+    assert code_of("zz_pack.one").digest == before
 
 
 @pytest.mark.parametrize("file", ["task.yaml", "by_hand.yaml"])
@@ -211,7 +211,7 @@ def test_a_module_that_cannot_be_parsed_counts_by_its_bytes(site, text):
     found = set()
     for content in (raw, raw + b"# more"):
         (root / "zz_pack/one.py").write_bytes(content)
-        found.add(fingerprint("zz_pack.one"))
+        found.add(code_of("zz_pack.one").digest)
     assert len(found) == 2
 
 

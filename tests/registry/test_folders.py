@@ -11,7 +11,7 @@ import pytest
 from stlbench.errors import UsageError
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.fingerprint import fingerprint
+from stlbench.registry.fingerprint import code_of
 
 SYSTEM = """
 from stlbench.contract import System
@@ -42,7 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pat
 
 
 def digest(task: named_tasks.FolderTask) -> str:
-    return fingerprint(task.entry_point.module)
+    return code_of(task.entry_point.module).digest
 
 
 def test_a_path_is_a_task_by_the_folders_name(folder: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:

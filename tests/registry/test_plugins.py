@@ -46,7 +46,8 @@ def test_a_plugin_is_loaded_described_and_built(site):
     site("acme", methods(zz_one="zz_acme:One"), {"zz_acme.py": GOOD.format(name="One")})
     plugin = plugins.find("methods", "zz-one")
     assert plugin.summary == "Pays one."
-    assert plugins.parameters(plugin) == {"ginf": ("float", 0.01), "variant": ("paper | code", "paper")}
+    known = {name: (each.text, each.default) for name, each in plugins.parameters(plugin).items()}
+    assert known == {"ginf": ("float", 0.01), "variant": ("paper | code", "paper")}
     method = plugins.build("methods", parse_choice("zz-one[ginf=0.02]"), "spec", defaults={"variant": "code"})
     assert (method.specification, method.ginf, method.variant) == ("spec", 0.02, "code")
     with pytest.raises(UsageError, match=r"zz-one\[ginf=x\]: ginf should be a number, got 'x'"):

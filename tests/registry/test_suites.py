@@ -54,7 +54,7 @@ def test_it_keeps_the_contract() -> None:
 def test_the_plugin_of_a_task() -> None:
     """It is of the suite's distribution and revision, and is not listed among tasks."""
     plugin = plugins.find("tasks", NAME)
-    assert isinstance(plugin, named_tasks.SuitePlugin)
+    assert isinstance(plugin, plugins.SuitePlugin)
     assert plugin.is_own
     assert plugin.revision == 1
     assert issubclass(plugin.load(), System)

@@ -146,7 +146,7 @@ def test_it_stays_small_and_says_what_it_leaves_out(tmp_path: Path, monkeypatch:
     made = [result(method, seed, task=task) for task in tasks for method in ("funnel", "raw") for seed in range(20)]
     blank = base64.b64encode(bytes(90_000)).decode()
     monkeypatch.setattr(page, "_picture", lambda label, figure: page.Picture(label, blank, (9, 9)))
-    monkeypatch.setattr(page.Drawing, "draw", lambda drawing: None)
+    monkeypatch.setattr(page.files.Drawing, "draw", lambda drawing: None)
     path = write(made, (), {}, tmp_path)
     assert 4e6 < path.stat().st_size < 5e6
     found = Page(path.read_text())

@@ -12,7 +12,7 @@ import yaml
 from helpers import bundles
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.share.bundle import pack
 from stlbench.study.results import Results
 
@@ -41,7 +41,7 @@ def test_it_has_results_tables_policies_and_a_citation_and_traces_if_asked(site,
         pack(tmp_path / "nowhere", tmp_path / "b.zip", bundles.ABOUT)
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path / "unzipped")
-    own, there = (list(stored.read(tmp_path / name)) for name in ("results", "unzipped"))
+    own, there = (list(results_folder.read(tmp_path / name)) for name in ("results", "unzipped"))
     assert there == own
     assert Results.load(tmp_path / "unzipped").policy(own[0].id.name).policy.action == 0
 

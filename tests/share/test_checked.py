@@ -15,7 +15,7 @@ from helpers.ledgers import say
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import TASK_FOLDER
 from stlbench.records.result_files import cell_files
 from stlbench.share import bundle as bundle_module
@@ -61,7 +61,7 @@ def test_a_file_that_is_not_as_it_was_packed_is_named(bundle, tmp_path, files, p
     [
         *((name, "not a path inside the bundle") for name in ("../out", "/tmp/out", "a\\b", "c:out", "a/../../out")),
         *((name, "no file of a bundle") for name in ("system.py", "policies/a.py", "policies/deep/a.npz", "traces")),
-        *((name, "no file of a bundle") for name in ("x/cells.jsonl", FILE)),
+        *((name, "no file of a bundle") for name in ("x/cells.jsonl", LEDGER)),
     ],
 )
 def test_a_listed_file_that_no_bundle_holds_is_not_written(bundle, tmp_path, name, rule) -> None:
@@ -118,12 +118,12 @@ def test_code_that_a_ledger_names_is_not_run(bundle, tmp_path) -> None:
     (evil / "task.yaml").write_text(line_task.text())
     (evil / "system.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n{line_task.SYSTEM}")
     (result,) = bundles.results_of(bundle)
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         moved = replace(result.id, task=replace(result.id.task, name="zz-evil"))
         ledger.record(replace(result, id=moved, provenance={TASK_FOLDER: str(evil)}))
-    say(tmp_path / FILE, "PRAGMA journal_mode=DELETE")
-    path = bundles.told(bundle, tmp_path / "evil.zip", {FILE: (tmp_path / FILE).read_bytes()})
-    assert check(path).problems == (f"{FILE}: no file of a bundle",)
+    say(tmp_path / LEDGER, "PRAGMA journal_mode=DELETE")
+    path = bundles.told(bundle, tmp_path / "evil.zip", {LEDGER: (tmp_path / LEDGER).read_bytes()})
+    assert check(path).problems == (f"{LEDGER}: no file of a bundle",)
     with unpacked(path) as (folder, _):
         assert [found.id.task.name for found in results_in(folder)] == ["zz-line"]
     with pytest.raises(UsageError, match="no file of a bundle"):

@@ -65,7 +65,7 @@ def test_a_model_of_sb3_that_saw_the_environment_alone(task: Task, tmp_path: Pat
     traces = plain_episodes(model)
     found = score(task, find_source(str(tmp_path / "m.zip")), Shown("environment"), 0)
     assert task.signals == ("omega", "c")
-    assert found.traces == pytest.approx(traces, abs=1e-3)  # rounding grows while it swings
+    assert found.assessment.traces == pytest.approx(traces, abs=1e-3)  # rounding grows while it swings
     expected = stl.robustness(task.formula, traces, task.signals)
     assert found.measurement.selected[MAIN].robustness == pytest.approx(expected, abs=1e-3)
     with pytest.raises(UsageError, match="the policy acts on 3 numbers, and the task's observation has 4"):

@@ -103,7 +103,7 @@ def test_own_actions_are_taken_as_they_are(tmp_path: Path, monkeypatch: pytest.M
         with torch.no_grad():
             best = module(torch.as_tensor(state, dtype=torch.float32)).argmax(1).numpy()
         state = task.system.step(state, table[best])
-    assert np.array_equal(found.traces[:, :-1], np.stack(traces, axis=1))
+    assert np.array_equal(found.assessment.traces[:, :-1], np.stack(traces, axis=1))
     assert (found.moved, found.observation) == ("", "x, y, heading")
     act = "def act(state, t): return np.tile([0.5, 2.0], (len(state), 1))\n"  # omega 2 is between 1.5 and 2.25
     (tmp_path / "zz_own.py").write_text(f"import numpy as np\n{act}")

@@ -39,7 +39,7 @@ def test_what_the_referee_recorded_gets_the_score_that_it_gave(tmp_path: Path, t
     save_traces(path, found, task.signals)
     scored = score(task, find_source(str(path)), Shown(), 0)
     assert scored.measurement.selected == {MAIN: found.scores[MAIN]}
-    assert np.array_equal(scored.traces, found.traces, equal_nan=True)
+    assert np.array_equal(scored.assessment.traces, found.traces, equal_nan=True)
     assert scored.starts == "the report's starts"
 
 

@@ -188,7 +188,7 @@ class Raw(gymnasium.ObservationWrapper[Any, Any, Any]):
 def refused_unless_declared(task: Task, path: Path, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         score(task, find_source(str(path)), Shown(), 0)
-    assert score(task, find_source(str(path)), Shown("observation"), 0).traces.shape == (12, 41, 2)
+    assert score(task, find_source(str(path)), Shown("observation"), 0).assessment.traces.shape == (12, 41, 2)
 
 
 def test_without_a_record_the_ends_of_the_space_tell(task: Task, tmp_path: Path) -> None:

@@ -24,10 +24,10 @@ from stlbench.errors import UsageError
 from stlbench.simulation import referee
 from stlbench.solver.contestants import Contestant, rank
 from stlbench.solver.deliver import Delivery, sentence
+from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.solution import Solution
-from stlbench.solver.start import Start
 from stlbench.solver.workspace import workspace_of
 from stlbench.study.results import Results
 from stlbench.study.run import run_study
@@ -250,7 +250,7 @@ def test_another_solve_starts_from_the_policy_of_a_solution_or_says_why_not() ->
         done = say("CartPole-v1", FORMULA, "--from", *words)
         assert (done.exit_code, done.stderr.count("\n"), problem in done.stderr) == (2, 1, True), done.stderr
     Path("out/certificate.json").write_text(json.dumps({"cell": result.id.name, "budget": "probe"}))
-    start = Start.of(Path("out"))
+    start = EarlierPolicy.of(Path("out"))
     assert start.trained_by == Contestant("raw", "dqn")
     start.check(workspace.task)
     (again,) = run_study(**study, init=start.path, results="again", jobs=1)

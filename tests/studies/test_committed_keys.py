@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from helpers.given import committed_lines
 
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.result_files import LINES
 from stlbench.registry import plugins
@@ -54,7 +54,7 @@ def again(row: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("folder", ALL, ids=lambda path: path.name)
 def test_every_study_is_read_and_its_summary_has_the_same_cells(folder: Path) -> None:
-    cells = [*stored.missing(folder).values(), *(each.id for each in stored.read(folder))]
+    cells = [*results_folder.missing(folder).values(), *(each.id for each in results_folder.read(folder))]
     with (folder / "cells.csv").open(newline="", encoding="utf-8") as file:
         summary = [[row[name] for name in IDENTITY] for row in csv.DictReader(file)]
     assert sorted(summary) == sorted([*map(str, cell.plain.values())] for cell in cells)

@@ -34,7 +34,7 @@ _TASK = re.compile(r"\bsuite-[a-z-]+-[0-9]+\b")
 def tasks_in(text: str) -> set[str]:
     """The tasks of the suite that a text names, by address or by name."""
     named = {task for address in _ADDRESS.findall(text) for task in named_tasks.named(address)}
-    return named | {task for task in _TASK.findall(text) if named_tasks.task(task)}
+    return named | {task for task in _TASK.findall(text) if plugins.suite_task(task)}
 
 
 def test_tasks_are_found_by_address_and_by_name() -> None:
@@ -70,7 +70,7 @@ def test_studies_that_report_are_there_and_use_reported_seeds() -> None:
 
 def test_no_recorded_policy_is_above_an_upper_bound() -> None:
     """From the report's starts, which the bound is of; the selected and the final policy of each cell."""
-    suite = named_tasks.made(plugins.find("suites", "suite"))
+    suite = plugins.made(plugins.find("suites", "suite"))
     checked = 0
     reported = [folder for folder in RECORDED if folder.name in REPORTED]
     assert {folder.name for folder in reported} >= REPORTED - TABLES
@@ -79,7 +79,7 @@ def test_no_recorded_policy_is_above_an_upper_bound() -> None:
             cell = json.loads(line)
             for policy in ("selected", "final") if cell["measurement"] else ():
                 robustness = cell["measurement"][policy]["formula"]["robustness"]
-                member = named_tasks.task(cell["task"].partition("[")[0]).member
+                member = plugins.suite_task(cell["task"].partition("[")[0]).member
                 bound = json.loads(suite.task(member).file)["best_known"]["upper_bound"]
                 assert sum(robustness) / len(robustness) <= bound, (cell["task"], cell["method"], policy)
                 checked += 1

@@ -8,7 +8,7 @@ import pytest
 from helpers import scripted_cells
 from helpers.scripted_cells import Here, Told
 
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import cell_files
 from stlbench.registry.fingerprint import code_of
 from stlbench.study import run
@@ -71,8 +71,8 @@ def test_the_cell_is_offered_again_even_where_the_edit_is_taken_back(plugin, tmp
     file, cell = plugin
 
     def statuses():
-        run.run_cells([cell], tmp_path, Here(), run_cell=scripted_cells.run_in)
-        with Ledger(tmp_path / FILE, create=False) as ledger:
+        scripted_cells.run_cells([cell], tmp_path, Here())
+        with Ledger(tmp_path / LEDGER, create=False) as ledger:
             return [(result.status, result.key) for result in ledger.results()]
 
     file.write_text("x = 2\n")
@@ -91,7 +91,7 @@ def study(tmp_path, monkeypatch, scripted):
     def ran(cells, numpy="2.4", **words):
         monkeypatch.setattr(run, "collect", lambda jobs: {"jobs": str(jobs), "numpy": numpy, "time": numpy})
         told = Told()
-        run.run_cells(cells, tmp_path, Here(), run_cell=scripted_cells.run_in, progress=told, **words)
+        scripted_cells.run_cells(cells, tmp_path, Here(), progress=told, **words)
         (missing, done), *_ = told.lines
         return (len(missing), done), *told.notes
 
@@ -136,7 +136,7 @@ def test_old_results_are_kept_where_the_user_says_so_and_accidents_are_not(study
     begun, said = study(cells("a", "raise", "b", harness="1"), keep_old=True)
     assert begun == (2, 1)
     assert said == "1 cell has a result of other code and is not measured anew; what has changed: stlbench's own code"
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         found = {result.id.method.name: result.key for result in ledger.results()}
         assert found == {"a": "key-0-", "raise": "key-1-1", "b": "key-2-1"}
         assert ledger.missing() == []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.records.array_files import save_samples
+from stlbench.records.array_files import Assessment, save_traces
 from stlbench.records.result import MAIN, Measurement, Result
 from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import parse_choices
@@ -69,7 +69,7 @@ def test_traces_from_elsewhere(cell: Cell, honest: tuple[Result, Path], tmp_path
     still = np.zeros((64, task.file.steps + 1, len(task.signals)))
     fewer = (still[:3], "traces from 3 starts, and its row says 64")
     for samples, said in ((still, "do not begin at the report's starts"), fewer):
-        save_samples(path, samples, task.signals)
+        save_traces(path, Assessment({}, samples, None), task.signals)
         with ConsistencyCheck([cell], tmp_path) as examined:
             failed = examined(cell, found)
         assert (failed.status, failed.key, failed.measurement) == ("raised", cell.key, None)

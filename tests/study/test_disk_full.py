@@ -14,7 +14,7 @@ from helpers.scripted_cells import Here
 
 from stlbench.errors import DiskFull, UsageError, unwritable
 from stlbench.records import array_files
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.study import run
 
 pytestmark = pytest.mark.usefixtures("scripted")
@@ -32,11 +32,11 @@ class Small(Ledger):
 
 
 def study(folder, *methods, **words):
-    run.run_cells(scripted_cells.cells(*methods), folder, Here(), **words)
+    scripted_cells.run_cells(scripted_cells.cells(*methods), folder, Here(), **words)
 
 
 def recorded(folder):
-    with Ledger(folder / FILE, create=False) as ledger:
+    with Ledger(folder / LEDGER, create=False) as ledger:
         return len(list(ledger.results()))
 
 
@@ -44,11 +44,11 @@ def test_where_the_ledger_has_no_space_the_run_ends_and_goes_on_later(tmp_path, 
     names = [f"cell-{number}" for number in range(60)]
     monkeypatch.setattr(run, "Ledger", Small)
     with pytest.raises(DiskFull, match=r"cannot write the ledger .*: database or disk is full"):
-        study(tmp_path, *names, run_cell=scripted_cells.run_in)
+        study(tmp_path, *names)
     monkeypatch.setattr(run, "Ledger", Ledger)
     count = recorded(tmp_path)
     assert 0 < count < 60
-    study(tmp_path, *names, run_cell=scripted_cells.run_in)
+    study(tmp_path, *names)
     assert recorded(tmp_path) == 60
 
 
@@ -70,7 +70,7 @@ def test_where_a_cell_has_no_space_the_run_ends_and_the_cell_is_no_failure(tmp_p
     with pytest.raises(DiskFull, match=said):
         study(tmp_path, "a", "b", "c", run_cell=fill)
     assert recorded(tmp_path) == 1
-    study(tmp_path, "a", "b", "c", run_cell=scripted_cells.run_in)
+    study(tmp_path, "a", "b", "c")
     assert recorded(tmp_path) == 3
 
 
@@ -87,7 +87,7 @@ def pretend(cell, folder):
 
 def test_what_a_plugin_says_of_a_full_disk_is_a_failure_of_its_cell(tmp_path):
     study(tmp_path, "a", "b", "c", "d", run_cell=pretend)
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         found = {result.id.seed: (result.status, result.reason) for result in ledger.results()}
     assert [found[seed][0] for seed in range(4)] == ["unsuitable", "raised", "raised", "unsuitable"]
     assert found[1][1] == "OSError: [Errno 28] No space left on device"
@@ -129,11 +129,11 @@ def small_disk(tmp_path):
 def test_on_a_real_disk_that_is_full(small_disk):
     names = [f"cell-{number}" for number in range(20)]
     ballast = small_disk / "ballast"
-    study(small_disk / "results", *names[:2], run_cell=scripted_cells.run_in)
+    study(small_disk / "results", *names[:2])
     free = os.statvfs(small_disk)
     ballast.write_bytes(bytes(free.f_bavail * free.f_bsize))
     with pytest.raises(DiskFull, match="cannot write"):
-        study(small_disk / "results", *names, run_cell=scripted_cells.run_in)
+        study(small_disk / "results", *names)
     ballast.unlink()
-    study(small_disk / "results", *names, run_cell=scripted_cells.run_in)
+    study(small_disk / "results", *names)
     assert recorded(small_disk / "results") == 20

@@ -73,7 +73,7 @@ def test_what_is_no_policy_is_refused_in_a_line(tmp_path: Path) -> None:
         with pytest.raises(UsageError, match=problem):
             read(tmp_path / name)
     array_files.write_arrays(tmp_path / "other.npz", {"numbers": np.zeros(3)})
-    with pytest.raises(UsageError, match=r"other\.npz is no policy of agent dqn$"):
+    with pytest.raises(UsageError, match=r"other\.npz on task hold-disc: it is no policy of agent dqn$"):
         check_cells([planned(tmp_path / "other.npz")])
 
 
@@ -81,7 +81,7 @@ def test_what_cannot_start_from_it_is_refused_before_anything_runs(tmp_path: Pat
     with pytest.raises(UsageError, match="on task hold-disc: the policy chooses among 2 actions, the task has 21 x 13"):
         check_cells([planned(policy(tmp_path / "two.npz", grid=(2,)))])
     one = policy(tmp_path / "one.npz")
-    with pytest.raises(UsageError, match=r"^agent sb3-dqn cannot start from a policy: leave --init out$"):
+    with pytest.raises(UsageError, match=r"^--init .*one\.npz on task hold-disc: agent sb3-dqn cannot start from"):
         check_cells([planned(one, "sb3-dqn")])
     with pytest.raises(UsageError, match=r"^agent dqn\[init=12\] starts from a policy; name its file with --init$"):
         check_cells([planned(agent="dqn[init=12]")])

@@ -12,7 +12,7 @@ from helpers import kept_policies
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import MAIN, Result, from_json, to_json
 from stlbench.registry.choices import parse_choices
 from stlbench.simulation import referee
@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def result(folder: Path) -> Result:
     found = trial.run_cell(cell(), folder)
-    with Ledger(folder / FILE) as ledger:
+    with Ledger(folder / LEDGER) as ledger:
         ledger.record(found)
     return found
 

@@ -14,9 +14,9 @@ from helpers.synthetic_results import result
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.records import stored
+from stlbench.records import results_folder
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import Planned
 from stlbench.records.result_files import LINES, cell_files
@@ -94,7 +94,7 @@ def test_tables_of_nothing_have_their_columns(tmp_path):
 
 def test_what_was_planned_and_did_not_run_is_a_row(recorded, tmp_path):
     missing = CellId.parse("hold-disc/funnel/dqn/4", "quick")
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.plan({"missing": missing, recorded[0].key: recorded[0].id})
         ledger.record(recorded[0])
     loaded = Results.load(tmp_path)
@@ -123,10 +123,10 @@ def test_traces(results, recorded, tmp_path):
 
 def test_lines_hold_all_that_a_ledger_holds(recorded, tmp_path):
     odd = result("raw", robustness=(math.inf, -1e-300), reward_nanoseconds=0.1 + 0.2)
-    with Ledger(tmp_path / "a" / FILE) as ledger:
+    with Ledger(tmp_path / "a" / LEDGER) as ledger:
         for one in (*recorded, odd):
             ledger.record(one)
-    assert write_lines(stored.read(tmp_path / "a"), tmp_path / "b" / LINES) == 4
+    assert write_lines(results_folder.read(tmp_path / "a"), tmp_path / "b" / LINES) == 4
     first, second = Results.load(tmp_path / "a"), Results.load(tmp_path / "b")
     assert first.results == second.results
     lines = (tmp_path / "b" / LINES).read_text().splitlines()
@@ -135,10 +135,10 @@ def test_lines_hold_all_that_a_ledger_holds(recorded, tmp_path):
 
 def test_the_ledger_goes_before_the_lines(recorded, tmp_path):
     write_lines(recorded, tmp_path / LINES)
-    assert stored.locate(tmp_path) == tmp_path / LINES
-    with Ledger(tmp_path / FILE) as ledger:
+    assert results_folder.locate(tmp_path) == tmp_path / LINES
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.record(recorded[0])
-    assert stored.locate(tmp_path) == tmp_path / FILE
+    assert results_folder.locate(tmp_path) == tmp_path / LEDGER
     assert len(Results.load(tmp_path)) == 1
     assert len(Results.load(tmp_path / LINES)) == 3
 
@@ -163,19 +163,19 @@ def test_what_is_no_result(recorded, tmp_path, text, message):
 
 def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
     planned = CellId.parse("hold-disc/raw/dqn/7", "quick")
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.record(recorded[0])
         ledger.plan({"a key": planned, recorded[0].key: recorded[0].id})
     written = tmp_path / "text" / LINES
-    lines = stored.missing(tmp_path)
+    lines = results_folder.missing(tmp_path)
     assert lines == {"a key": planned}
-    write_lines(stored.read(tmp_path), written, lines)
-    assert list(stored.read(written)) == [recorded[0]]
-    assert stored.missing(written) == lines
-    assert list(stored.missing(written).values()) == [planned]
+    write_lines(results_folder.read(tmp_path), written, lines)
+    assert list(results_folder.read(written)) == [recorded[0]]
+    assert results_folder.missing(written) == lines
+    assert list(results_folder.missing(written).values()) == [planned]
     assert [json.loads(line)["status"] for line in written.read_text().splitlines()] == ["done", "not run"]
     with pytest.raises(UsageError, match="line 1: not a result as"):
-        stored.missing(_written(tmp_path / "bad.jsonl", '{"task": "hold-disc", "status": "not run"}'))
+        results_folder.missing(_written(tmp_path / "bad.jsonl", '{"task": "hold-disc", "status": "not run"}'))
 
 
 def _written(path, text):

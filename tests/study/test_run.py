@@ -7,8 +7,8 @@ from helpers import scripted_cells
 from helpers.scripted_cells import Here, Told
 
 from stlbench.errors import UsageError
-from stlbench.records import stored
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records import results_folder
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import ACCIDENTS
 from stlbench.records.result_files import LINES
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("scripted")
 
 def study(folder, cells, **words):
     executor, told = Here(), Told()
-    run_cells(cells, folder, executor, progress=told, run_cell=scripted_cells.run_in, **words)
+    scripted_cells.run_cells(cells, folder, executor, progress=told, **words)
     return executor.ran, told.lines
 
 
@@ -35,7 +35,7 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path,
     assert ran == [("a", 7), ("b", 7), ("raise", 7)]
     ends = [("a", "unsuitable"), ("b", "unsuitable"), ("raise", "raised")]
     assert lines == [(["a", "b", "raise"], 0), "by the way", *ends]
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         assert [result.id for result in ledger.results()] == [cell.id for cell in cells]
 
 
@@ -67,14 +67,14 @@ def test_what_is_finished_is_not_run_again_and_a_cell_given_twice_runs_once(tmp_
 def test_a_study_that_is_kept_as_text_goes_on(tmp_path):
     cells = scripted_cells.cells("a", "b", "raise", "d")
     study(tmp_path, cells[:3])
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         ledger.plan_also({cells[3].key: cells[3].id})
         before = list(ledger.results())
-        write_lines(before, tmp_path / LINES, stored.missing(tmp_path))
-    (tmp_path / FILE).unlink()
+        write_lines(before, tmp_path / LINES, results_folder.missing(tmp_path))
+    (tmp_path / LEDGER).unlink()
     assert study(tmp_path, cells[:1]) == ([], [([], 1)])
-    assert list(stored.read(tmp_path)) == before
-    assert [*stored.missing(tmp_path)] == [cells[3].key]
+    assert list(results_folder.read(tmp_path)) == before
+    assert [*results_folder.missing(tmp_path)] == [cells[3].key]
     (tmp_path / LINES).write_text("damaged")  # a ledger goes before the text
     assert study(tmp_path, cells)[0] == [("d", 60)]
 
@@ -107,7 +107,7 @@ def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked
     with pytest.raises(UsageError, match="no parameter"):
         study(tmp_path / "new", cells)
     assert not list(tmp_path.iterdir())  # neither a ledger nor a folder
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         ledger.record(cells[1].ended("unsuitable"))
     assert study(tmp_path, cells)[0] == [("a", 60)]
 
@@ -120,7 +120,7 @@ def test_the_plan_is_written_before_anything_runs(tmp_path, monkeypatch):
     cells = scripted_cells.cells("a", "b")
     with pytest.raises(KeyboardInterrupt):
         study(tmp_path, cells)
-    with Ledger(tmp_path / FILE, create=False) as ledger:
+    with Ledger(tmp_path / LEDGER, create=False) as ledger:
         assert ledger.missing() == [cell.id for cell in cells]
 
 
@@ -183,7 +183,7 @@ def test_a_cell_that_failed_so_often_is_given_up_and_the_caller_is_told(tmp_path
 
 def test_a_success_forgets_the_failures_of_before(tmp_path):
     (cell,) = scripted_cells.cells("a")
-    with Ledger(tmp_path / FILE) as ledger:
+    with Ledger(tmp_path / LEDGER) as ledger:
         for status in ("killed", "timeout", "unsuitable", "killed"):
             ledger.record(cell.ended(status))
         assert ledger.given_up([cell.key], 2) == []

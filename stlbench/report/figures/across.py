@@ -253,7 +253,6 @@ def ranks(field: Field, colours: Colours) -> Figure:
 
 _ROW_OF_OVERVIEW, _AROUND_OVERVIEW = 0.15, 1.25
 """Inches: of a row, and around all rows."""
-_PALE, _DARK, _MAP = "0.99", "0.1", "Blues"
 _UNKNOWN = "·"
 
 
@@ -269,22 +268,16 @@ def overview(rows: Sequence[tuple[str, Sequence[Group]]], methods: Sequence[str]
     """
     figure = layout.figure_of(_AROUND_OVERVIEW + _ROW_OF_OVERVIEW * len(rows))
     axes = figure.subplots()
-    shares = np.full((len(rows), len(methods)), np.nan)
+    shares, texts = np.full((len(rows), len(methods)), np.nan), dict[tuple[int, int], str]()
     for row, (_, groups) in enumerate(rows):
         for group in groups:
-            place = methods.index(str(group.setting.method))
-            learned = sum(group.learned)
+            place = row, methods.index(str(group.setting.method))
+            texts[place] = f"{sum(group.learned)}" if group.done else _UNKNOWN
             if group.done:
-                shares[row, place] = learned / group.tried
-            text = f"{learned:g}" if group.done else _UNKNOWN
-            colour = _PALE if shares[row, place] > 0.6 else _DARK
-            axes.text(place, row, text, ha="center", va="center", color=colour, fontsize=now().tiny)
-    axes.imshow(shares, cmap=_MAP, vmin=0, vmax=1.1, aspect="auto")
+                shares[place] = sum(group.learned) / group.tried
+    layout.shares_map(axes, shares, texts, [name for name, _ in rows], now().tiny)
     axes.set_xticks(range(len(methods)), methods, rotation=45, ha="left", rotation_mode="anchor", fontsize=now().tiny)
-    axes.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=now().tiny)
-    axes.tick_params(length=0, labeltop=True, labelbottom=False)
-    for side in axes.spines.values():
-        side.set_visible(False)
+    axes.tick_params(labeltop=True, labelbottom=False)
     seeds = {group.tried for _, groups in rows for group in groups if group.done}
     each = f"{min(seeds)}" if len(seeds) == 1 else f"{min(seeds)} to {max(seeds)}" if seeds else "no"
     keys: list[Artist] = [layout.patch("#08519c", f"seeds that learned the task, of {each}; the colour is their share")]

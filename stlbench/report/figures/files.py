@@ -21,7 +21,7 @@ from stlbench.errors import UsageError
 from stlbench.records.result_files import is_there, to_read, write
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
-from stlbench.report.figures.style import Colours, colours_of, fitting, now, pages, rc
+from stlbench.report.figures.style import Colours, colours_of, fitting, names_by, now, pages, rc
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.sampled import drawn
@@ -160,10 +160,8 @@ def drawings_of_overview(groups: Sequence[Group]) -> list[Drawing]:
     methods = sorted({str(group.setting.method) for group in groups})
     if len(methods) < 2 or len({group.setting.task for group in groups}) < 2:
         return []
-    further = [each for each in ("agent", "budget", "track") if len({getattr(g.setting, each) for g in groups}) > 1]
     rows = dict[str, list[Group]]()
-    for group in groups:
-        name = ", ".join(str(getattr(group.setting, part)) for part in ("task", *further))
+    for name, group in zip(names_by("task", groups), groups, strict=True):
         rows.setdefault(name, []).append(group)
     return [
         Drawing(
@@ -202,7 +200,7 @@ def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale
     """Learning curves of one task's groups, each track by itself; none of results without checkpoints."""
     return [
         Drawing(
-            file_name("learning", str(page[0].setting.task)) + ("" if track == "shared" else f"-{track}") + end,
+            file_name("learning", str(page[0].setting.task), *page[0].setting.other_track) + end,
             f"Satisfaction and robustness of the checkpoints of {len(page)} methods, against environment steps",
             ("methods", "learning_curves"),
             (page, scale, _own(colours, page)),

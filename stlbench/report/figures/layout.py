@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import StrMethodFormatter, SymmetricalLogLocator
 
+from stlbench.contract import Array
 from stlbench.report.figures.style import INK, now, term_style
 
 LEVEL = INK  # the grey of the line at robustness 0
@@ -64,6 +65,22 @@ def term_patch(i: int, label: str) -> Patch:
     """The box of a legend for the region of term i, filled and framed as the region is."""
     colour, hatch = term_style(i)
     return Patch(facecolor=to_rgba(colour, REGION_ALPHA), edgecolor=colour, hatch=hatch, linewidth=1.3, label=label)
+
+
+def shares_map(
+    axes: Axes, shares: Array, texts: Mapping[tuple[int, int], str], rows: Sequence[str], size: float
+) -> None:
+    """Draw shares (rows, columns) as colours, NaN without one; texts by row and column, and the names of the rows."""
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1.1, aspect="auto")
+    for (row, place), text in texts.items():
+        entry = axes.text(place, row, text, ha="center", va="center", fontsize=now().tiny)
+        entry.set_color("0.99" if shares[row, place] > 0.6 else "0.1")
+        if "\n" in text:
+            entry.set_linespacing(1.0)
+    axes.set_yticks(range(len(rows)), rows, fontsize=size)
+    axes.tick_params(length=0)
+    for side in axes.spines.values():
+        side.set_visible(False)
 
 
 _NEAR, _FAR = 5.0, 10.0

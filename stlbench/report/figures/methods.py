@@ -126,7 +126,7 @@ def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> 
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.grid(alpha=0.3)
     setting = groups[0].setting
-    name = str(setting.task) if setting.track == "shared" else f"{setting.task}, {setting.track}"
+    name = ", ".join((str(setting.task), *setting.other_track))
     keys: list[Artist] = [
         layout.key_of(style.label, color=style.colour, linestyle=style.line, linewidth=1.3)
         if group.done
@@ -204,8 +204,6 @@ def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]
 
 _ROW_OF_GROUPS, _AROUND = 0.27, 1.3
 """Inches: of a row, and around all rows."""
-_PALE, _DARK = "0.99", "0.1"
-_MAP = "Blues"
 
 
 @styled
@@ -240,23 +238,15 @@ def groups(field: Field) -> Figure:
 
 def _panel(axes: Axes, lines: list[Line], methods: list[str]) -> None:
     names = list(dict.fromkeys(line.part.group for line in lines))
-    shares = np.full((len(names), len(methods)), np.nan)
+    shares, texts = np.full((len(names), len(methods)), np.nan), dict[tuple[int, int], str]()
     for line in lines:
-        row, place = names.index(line.part.group), methods.index(line.method)
+        place = names.index(line.part.group), methods.index(line.method)
         reached = line.common or line.fitted
-        share = reached.learned.value
-        text = f"{100 * share:.0f}\n{reached.score.value:.2f}"
-        if line.common is None:
-            text = "\n".join(f"({number})" for number in text.splitlines())
-        else:
-            shares[row, place] = share
-        colour = _PALE if line.common and share > 0.6 else _DARK
-        axes.text(place, row, text, ha="center", va="center", color=colour, fontsize=now().tiny, linespacing=1.0)
-    axes.imshow(shares, cmap=_MAP, vmin=0, vmax=1.1, aspect="auto")
-    axes.set_yticks(range(len(names)), names)
-    axes.tick_params(length=0)
-    for side in axes.spines.values():
-        side.set_visible(False)
+        numbers = f"{100 * reached.learned.value:.0f}", f"{reached.score.value:.2f}"
+        texts[place] = "\n".join(numbers if line.common else map("({})".format, numbers))
+        if line.common:
+            shares[place] = reached.learned.value
+    layout.shares_map(axes, shares, texts, names, now().small)
 
 
 _PANEL_OF_GROUPS = 2.6

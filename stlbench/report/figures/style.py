@@ -140,15 +140,17 @@ def lines_of(colours: Iterable[str]) -> list[Line]:
 
 def styles(groups: Sequence[Group], colours: Colours) -> list[GroupStyle]:
     """The styles of groups that one chart of their task shows; `colours` of their methods."""
-    further = [
-        part for part in ("agent", "budget", "track") if len({getattr(each.setting, part) for each in groups}) > 1
-    ]
     own = [colours[str(group.setting.method)] for group in groups]
-    names = [", ".join(str(getattr(group.setting, part)) for part in ("method", *further)) for group in groups]
     return [
         GroupStyle(f"{name}: {_standing(group)}", colour, line)
-        for group, name, colour, line in zip(groups, names, own, lines_of(own), strict=True)
+        for group, name, colour, line in zip(groups, names_by("method", groups), own, lines_of(own), strict=True)
     ]
+
+
+def names_by(part: Literal["task", "method"], groups: Sequence[Group]) -> list[str]:
+    """That part of each setting, with agent, budget and track, each where the groups differ in it."""
+    further = [each for each in ("agent", "budget", "track") if len({getattr(g.setting, each) for g in groups}) > 1]
+    return [", ".join(str(getattr(group.setting, each)) for each in (part, *further)) for group in groups]
 
 
 def _standing(group: Group) -> str:

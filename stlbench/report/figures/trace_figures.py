@@ -120,8 +120,8 @@ def _traces(task: Task, results: Sequence[Result], job: Job) -> Recording | None
 
 
 def _draw_group(task: Task, setting: Setting, recording: Recording, bands: Sequence[Band], job: Job) -> list[Path]:
-    track = () if setting.track == "shared" else (setting.track,)
-    title = f"{setting.task}, {setting.method} ({', '.join((str(setting.agent), setting.budget, *track))})"
+    training = (str(setting.agent), setting.budget, *setting.other_track)
+    title = f"{setting.task}, {setting.method} ({', '.join(training)})"
     colour, figures = job.colours[str(setting.method)], dict[str, Figure | None]()
     if "time" in job.only:
         figures["time"] = robustness_in_time(task, recording, bands, title, colour=colour)
@@ -129,7 +129,7 @@ def _draw_group(task: Task, setting: Setting, recording: Recording, bands: Seque
         figures["trajectories"] = trajectories(task, recording, title, colour)
     if "rewarded" in job.only and task.file.rewarded is not None:
         figures["rewarded"] = robustness_in_time(task, recording, bands, title, rewarded=True, colour=colour)
-    parts = (str(setting.task), str(setting.method), str(setting.agent), setting.budget, *track)
+    parts = (str(setting.task), str(setting.method), *training)
     drawn = {kind: figure for kind, figure in figures.items() if figure is not None}
     return [path for kind, figure in drawn.items() for path in save(figure, job.out, file_name(kind, *parts))]
 

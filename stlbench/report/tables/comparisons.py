@@ -125,7 +125,7 @@ def advice(comparisons: Iterable[Comparison]) -> tuple[str, ...]:
     lines = list[str]()
     for seeds, each in by_seeds[:_ADVICE]:
         setting, other = each.one.setting, each.other.setting
-        where = f"{setting.task}" if setting.track == "shared" else f"{setting.task}, track {setting.track}"
+        where = ", track ".join((str(setting.task), *setting.other_track))
         lines.append(f"{seeds} seeds would be needed to tell {setting.method} from {other.method} on {where}.")
     left = len(by_seeds) - len(lines)
     return (*lines, *([f"The table of comparisons has {left} more such pairs."] if left else []))

@@ -17,6 +17,7 @@ from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 from stlbench.statistics.intervals import mean, median
 
 _T = TypeVar("_T")
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True)
@@ -171,10 +172,17 @@ SETTING = {**CONTESTANT, Column("seeds", right=False, kind=Seeds): lambda group:
 """These, and how many of its seeds have a result."""
 
 
+def columns_of(
+    part: Callable[[_T], _Part | None], columns: Mapping[Column, Callable[[_Part], Value]]
+) -> dict[Column, Callable[[_T], Value]]:
+    """The columns of a part, for items that have it; None for an item that does not."""
+
+    def of_item(value: Callable[[_Part], Value]) -> Callable[[_T], Value]:
+        return lambda item: None if (found := part(item)) is None else value(found)
+
+    return {column: of_item(value) for column, value in columns.items()}
+
+
 def shared_columns(group_of: Callable[[_T], Group]) -> dict[Column, Callable[[_T], Value]]:
     """Task, agent, budget and track, for items of which each belongs to a group."""
-
-    def of_item(value: Callable[[Group], Value]) -> Callable[[_T], Value]:
-        return lambda item: value(group_of(item))
-
-    return {column: of_item(value) for column, value in SETTING.items() if column.shared}
+    return columns_of(group_of, {column: value for column, value in SETTING.items() if column.shared})

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from operator import attrgetter
 from typing import TypeVar
 
 from stlbench.records.identity import IDENTITY
 from stlbench.records.result import ACCIDENTS, LEARNED, MAIN, RANDOM, SCHEMA, Datum, Measurement, Score
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
-from stlbench.report.tables.rows import SETTING, Group, Row, shared_columns
+from stlbench.report.tables.rows import SETTING, Group, Row, columns_of, shared_columns
 from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
 from stlbench.report.tables.yardsticks import Known
 from stlbench.statistics.intervals import FEWEST, Interval, mean, mean_interval, median, median_interval, share_interval
@@ -30,6 +31,7 @@ CELL: Mapping[Column, Callable[[Row], Value]] = {
     Column("reason", right=False): lambda row: row.reason or None,
 }
 """The columns that say which cell a row is, and how it ended."""
+MEASUREMENT: Callable[[Row], Measurement | None] = attrgetter("measurement")
 _IDENTITY: Mapping[Column, Callable[[Row], Value]] = {
     Column(name, right=name == "seed"): lambda row, name=name: row.id.plain[name]  # type: ignore[misc]
     for name in IDENTITY
@@ -55,22 +57,13 @@ def cells_table(rows: Iterable[Row], groups: Mapping[str, Mapping[str, str]] | N
     drawn = {
         Column(kind, right=False): lambda row, kind=kind: of_tasks.get(row.id.task.name, {}).get(kind) for kind in kinds
     }
-    return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **if_done(measured)})
+    return Table.of("Cells", listed, {**_IDENTITY, **drawn, **of_cell, **columns_of(MEASUREMENT, measured)})
 
 
 def _shown(datum: Datum, measured: Measurement) -> Value:
     """An empty text is no value."""
     value: Value = datum.of(measured)
     return None if value == "" else value
-
-
-def if_done(columns: Mapping[Column, Callable[[Measurement], Value]]) -> dict[Column, Callable[[Row], Value]]:
-    """Columns of cells; a cell without a measurement has None."""
-
-    def of_row(value: Callable[[Measurement], Value]) -> Callable[[Row], Value]:
-        return lambda row: None if row.measurement is None else value(row.measurement)
-
-    return {column: of_row(value) for column, value in columns.items()}
 
 
 def percent(share: float | None) -> float | None:
@@ -297,7 +290,7 @@ def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Gr
             )
             for name in further
         },
-        **{column: partial(_unless_outside, value) for column, value in _FINAL.items()},
+        **columns_of(lambda group: None if group.outside else group, _FINAL),
         Column("failed first", kind=FirstFailed, right=False, below=True): lambda group: group.first_failed,
         Column("remarks", right=False, below=True): lambda group: group.remarks or None,
     }
@@ -322,12 +315,7 @@ _FINAL: dict[Column, Callable[[Group], Value]] = {
         lambda group: _percent_interval(group, group.final_learned)
     ),
 }
-"""The scores of the policy at the end of training."""
-
-
-def _unless_outside(value: Callable[[Group], Value], group: Group) -> Value:
-    """A policy from outside has no training, and no policy at its end."""
-    return None if group.outside else value(group)
+"""The scores of the policy at the end of training, which a policy from outside does not have."""
 
 
 def _starts(group: Group) -> Value:
@@ -347,7 +335,7 @@ def _count(group: Group, learned: Sequence[bool]) -> int | None:
 def _percent_interval(group: Group, learned: Sequence[bool]) -> Interval | None:
     """The exact interval of the share of seeds, of all that ran, in percent."""
     ends = share_interval(sum(learned), group.tried) if group.done else None
-    return ends and Interval(100 * ends.low, 100 * ends.high)
+    return ends and ends.percent
 
 
 def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:

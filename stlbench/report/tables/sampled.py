@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from stlbench.report.tables.across import Entry, Field
+from stlbench.report.tables.rows import columns_of
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.statistics import across
 from stlbench.statistics.across import Estimate, Runs
@@ -93,23 +94,19 @@ _Of = Callable[[Line], Reached | None]
 def _numbers(of: _Of, tasks: str, learned: str, score: str, where: str = "", drop: int = 0) -> _Columns:
     """Columns of what was reached, with the titles of a table, and of what has to be said of the tasks."""
 
-    def part(value: Callable[[Reached], Value]) -> Callable[[Line], Value]:
-        return lambda line: None if (found := of(line)) is None else value(found)
-
-    def percent(ends: Interval | None) -> Interval | None:
-        return ends and Interval(100 * ends.low, 100 * ends.high)
-
-    return {
-        Column(tasks, right=False): lambda line: f"{getattr(of(line), 'tasks', 0)} of {len(line.part.places)}",
-        Column(f"{learned}{where}", unit="%", digits=0, drop=drop): part(lambda found: 100 * found.learned.value),
-        Column(f"learned{where} 95 % interval", unit="%", digits=0, kind=Interval, drop=drop and drop + 1): part(
-            lambda found: percent(found.learned.interval)
-        ),
-        Column(f"{score}{where}", digits=2, drop=drop): part(lambda found: found.score.value),
-        Column(f"score{where} 95 % interval", digits=2, kind=Interval, drop=drop and drop + 1): part(
-            lambda found: found.score.interval
-        ),
+    first: _Columns = {
+        Column(tasks, right=False): lambda line: f"{getattr(of(line), 'tasks', 0)} of {len(line.part.places)}"
     }
+    later = drop and drop + 1
+    numbers: dict[Column, Callable[[Reached], Value]] = {
+        Column(f"{learned}{where}", unit="%", digits=0, drop=drop): lambda found: 100 * found.learned.value,
+        Column(f"learned{where} 95 % interval", unit="%", digits=0, kind=Interval, drop=later): (
+            lambda found: found.learned.interval and found.learned.interval.percent
+        ),
+        Column(f"{score}{where}", digits=2, drop=drop): lambda found: found.score.value,
+        Column(f"score{where} 95 % interval", digits=2, kind=Interval, drop=later): lambda found: found.score.interval,
+    }
+    return first | columns_of(of, numbers)
 
 
 def group_lines(field: Field) -> Iterator[Line]:

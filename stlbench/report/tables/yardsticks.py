@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from stlbench.records.identity import Setting
 from stlbench.records.result import LEARNED, NOT_RUN
 from stlbench.registry.choices import Choice
-from stlbench.report.tables.rows import Group, maximised, split, trained
+from stlbench.report.tables.rows import Group, columns_of, maximised, split, trained
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.statistics.intervals import mean
 
@@ -142,11 +144,7 @@ def controllers_table(references: Mapping[str, References]) -> Table:
     parts = [content for part, content in _PARTS.items() if any(getattr(each, part) for _, each in known)]
     columns: dict[Column, Callable[[tuple[str, References]], Value]] = {
         Column("task", right=False, shared=True): lambda row: row[0],
-        **{
-            column: lambda row, value=value: value(row[1])  # type: ignore[misc]
-            for several, _ in parts
-            for column, value in several.items()
-        },
+        **columns_of(itemgetter(1), dict(chain.from_iterable(several.items() for several, _ in parts))),
     }
     return Table.of("Controllers and baselines", known, columns, tuple(note for _, note in parts if note))
 

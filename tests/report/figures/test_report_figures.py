@@ -13,10 +13,11 @@ from matplotlib.figure import Figure
 from stlbench.errors import UsageError
 from stlbench.records.result import CurvePoint, Result
 from stlbench.registry.choices import Choice
-from stlbench.report import Group, Report, condense
+from stlbench.report import Report, condense
 from stlbench.report.figures import files
 from stlbench.report.figures.files import ROWS_PER_FIGURE, Drawing, drawings_of_tasks, write_figures
 from stlbench.report.figures.style import colours_of
+from stlbench.report.tables.rows import Group
 from stlbench.task import load_task
 
 

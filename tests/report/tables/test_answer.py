@@ -8,9 +8,9 @@ from helpers.synthetic_results import result
 
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report import condense, to_records
+from stlbench.report import condense
 from stlbench.report.tables.comparisons import MOST_ROWS, answer_table, compare, verdicts
-from stlbench.report.tables.table import Share, show
+from stlbench.report.tables.table import Share, show, to_records
 from stlbench.report.tables.yardsticks import Known
 
 KNOWN = Known({}, {Choice("hold-disc"): 0.4})

@@ -10,8 +10,9 @@ from helpers.synthetic_results import alike, by_hand, result
 from scipy import stats
 
 from stlbench.registry.choices import Choice
-from stlbench.report import condense, to_csv
+from stlbench.report import condense
 from stlbench.report.tables.comparisons import advice, compare, comparisons_table
+from stlbench.report.tables.table import to_csv
 from stlbench.report.tables.yardsticks import Known
 from stlbench.tracks.references import References
 

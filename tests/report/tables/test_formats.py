@@ -15,9 +15,21 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from stlbench.registry.choices import Choice
-from stlbench.report import Column, Table, condense, show, to_csv, to_latex, to_markdown, to_records, to_screen
+from stlbench.report import condense
 from stlbench.report.tables.runs import overview, robustness_table
-from stlbench.report.tables.table import FirstFailed, Learned, Seeds
+from stlbench.report.tables.table import (
+    Column,
+    FirstFailed,
+    Learned,
+    Seeds,
+    Table,
+    show,
+    to_csv,
+    to_latex,
+    to_markdown,
+    to_records,
+    to_screen,
+)
 from stlbench.report.tables.yardsticks import Known
 from stlbench.statistics.intervals import Interval
 

@@ -11,10 +11,11 @@ from scipy import stats
 
 from stlbench.records.result import Score, Summary
 from stlbench.registry.choices import Choice
-from stlbench.report import Table, condense, to_records
+from stlbench.report import condense
 from stlbench.report.tables import runs
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
+from stlbench.report.tables.table import Table, to_records
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, best_known, controllers_table
 from stlbench.task.file import BestKnown
 from stlbench.tracks.references import References

@@ -10,9 +10,10 @@ from helpers.synthetic_results import alike, by_hand, plan, result
 
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report import condense, to_records
+from stlbench.report import condense
 from stlbench.report.tables.rows import maximised, split
 from stlbench.report.tables.runs import circumstances, overview, robustness_table
+from stlbench.report.tables.table import to_records
 from stlbench.report.tables.yardsticks import Known, best_known
 from stlbench.tracks.references import References
 

@@ -9,13 +9,13 @@ from helpers.made_subjects import still
 from helpers.synthetic_results import by_hand, measurement, plan, result, score
 
 from stlbench.registry.choices import Choice
-from stlbench.report import Table, condense
+from stlbench.report import condense
 from stlbench.report.page import cells_shown
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.comparisons import compare, comparisons_table
 from stlbench.report.tables.runs import overview, robustness_table, scores_and_cost, time_table
 from stlbench.report.tables.sampled import groups_table, pairs_table
-from stlbench.report.tables.table import show
+from stlbench.report.tables.table import Table, show
 from stlbench.report.tables.yardsticks import Known, align, alignment_table, controllers_table
 from stlbench.search.certify import Certificate, Claim
 from stlbench.search.falsify import How, falsify

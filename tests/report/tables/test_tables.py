@@ -12,10 +12,10 @@ from scipy import stats
 
 from stlbench.records.result import MAIN, RANDOM, Score, Summary
 from stlbench.registry.choices import Choice
-from stlbench.report import condense, only, to_csv
+from stlbench.report import condense, only
 from stlbench.report.page import cells_shown
 from stlbench.report.tables.runs import cells_table, robustness_table, scores_table, time_table, unfinished_table
-from stlbench.report.tables.table import FirstFailed, Seeds
+from stlbench.report.tables.table import FirstFailed, Seeds, to_csv
 from stlbench.report.tables.yardsticks import Known, controllers_table
 from stlbench.tracks.references import References
 

@@ -10,16 +10,16 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.observation import Observation
 from stlbench.records.result_files import cell_files
 from stlbench.simulation.worlds import observation_of
-from stlbench.solver.contestants import Contestant, again, resumes
+from stlbench.solver.contestants import Contestant, again
 from stlbench.solver.solution import FILE, cells_of, certificate_of
-from stlbench.study.initial import Initial, read
+from stlbench.study.initial import Initial, read, refuse_other
 from stlbench.study.results import Results
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.tracks.auto import automatic
 
 
 @dataclass(frozen=True)
-class Start:
+class EarlierPolicy:
     """A stored policy, who trained it, and what it observes. No code of its folder runs."""
 
     path: Path
@@ -28,7 +28,7 @@ class Start:
     observation: Observation | None
 
     @classmethod
-    def of(cls, folder: Path) -> Start:
+    def of(cls, folder: Path) -> EarlierPolicy:
         """The policy that the certificate in a folder is of. Raises `UsageError` where there is none."""
         try:
             facts = certificate_of(folder / FILE)
@@ -46,11 +46,9 @@ class Start:
         """Raises `UsageError` where trainings on a task cannot start from it."""
         method, agent = self.trained_by.method, self.trained_by.agent
         helped = automatic(load_task(again(self.trained_by, task).task), agent)
-        if not resumes(agent):
-            raise UsageError(f"--from: agent {agent} cannot start from a policy")
         try:
             shown = observation_of(helped, build_method(helped, method), method)
-            build_agent(helped, agent).restore(read(self.path), helped.actions)
+            refuse_other(read(self.path), build_agent(helped, agent), agent, helped)
         except (Intractable, Unsuitable) as error:
             raise UsageError(f"--from: its policy was trained with {method} and {agent}: {one_line(error)}") from error
         if self.observation is not None:

@@ -1,4 +1,6 @@
-"""The results of a folder: from its ledger, else from `cells.jsonl`, else from `cells.jsonl.xz`."""
+"""A folder of results: a ledger, traces, policies and logs. Its results are those of the ledger, else of `cells.jsonl`,
+else of `cells.jsonl.xz`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from pathlib import Path
 from stlbench.errors import UsageError
 from stlbench.records import lines
 from stlbench.records.identity import CellId
-from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import Result
 from stlbench.records.result_files import LINES, PACKED, followed
 
@@ -19,7 +21,7 @@ def locate(path: Path) -> Path | None:
 
     A link that the user names is followed; one in a folder is refused by what reads it.
     """
-    candidates = tuple(path / name for name in (FILE, LINES, PACKED)) if path.is_dir() else (followed(path),)
+    candidates = tuple(path / name for name in (LEDGER, LINES, PACKED)) if path.is_dir() else (followed(path),)
     return next((file for file in candidates if file.is_file()), None)
 
 
@@ -81,10 +83,16 @@ def take_over(folder: Path, ledger: Ledger) -> None:
     lines.append(folder, (result for row in lacking if (result := ledger.read(row)) is not None))
 
 
+def refuse_lines(folder: Path, way: str) -> None:
+    """Raises `UsageError` where a folder has results and no ledger that could be written; `way` says what to do."""
+    if locate(folder) and not (folder / LEDGER).is_file():
+        raise UsageError(f"{folder} has no {LEDGER} but {LINES}; {way}")
+
+
 def _existing(path: Path) -> Path:
     file = locate(path)
     if file is None:
-        where = f"there is neither {path / FILE} nor {LINES}"
+        where = f"there is neither {path / LEDGER} nor {LINES}"
         raise UsageError(f"{where}; `stlbench run` writes both, `stlbench export` {PACKED}")
     return file
 
