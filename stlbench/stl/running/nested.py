@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import count
 
 import numpy as np
@@ -13,9 +13,10 @@ from stlbench.stl.language.structure import check_names, is_temporal, operands_o
 from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Since, Window
 from stlbench.stl.predicates import Sample
 from stlbench.stl.predicates.writer import block
-from stlbench.stl.running.pulling import Goal, terms
+from stlbench.stl.running.ahead import Ahead, earliest, latest, rises, varies
+from stlbench.stl.running.pulling import Goal, as_goal, later, terms
 from stlbench.stl.running.scalar import Nested, Operator, Piece, Until, value_of
-from stlbench.stl.running.streams import Stream, Streams, UnsupportedError, earliest, latest, rises
+from stlbench.stl.running.streams import Stream, Streams, UnsupportedError
 from stlbench.stl.running.tree import Kit, Pointwise
 from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
 
@@ -26,37 +27,39 @@ class Streamed(Operator):
     def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
         """Raises UnsupportedError where psi is no stream."""
         until = Unfolding(formula, names)
-        if not until.always:
-            raise UnsupportedError
-        spans = dict[Formula, tuple[int, int]]()
-        _reads(until.right, until.a, until.b, spans)
+        psi, spans = as_goal((until.a, until.b), until.left, until.right), dict[Formula, tuple[int, int]]()
+        _reads(psi.psi, psi.start, psi.stop, spans)
         if until.open:
             spans = dict.fromkeys(spans, (0, END))
-        if not all(signals(part) and last == until.last for part, (_, last) in spans.items()):
+        if not all(varies(part, names) for part in spans):
             raise UnsupportedError
-        self.firsts = [first for first, _ in spans.values()]
-        super().__init__(number, min(self.firsts), until.last, until.flipped is not negated)
+        self.spans = list(spans.values())
+        super().__init__(number, *_hull(self.spans), until.flipped is not negated)
         self.values = [Pointwise(value_of(part, names, False), (-np.inf, np.inf)) for part in spans]
         marks = {part: Predicate(">=", Signal(f"part{i}"), Number(0.0)) for i, part in enumerate(spans)}
-        streams = enumerate(zip(marks.values(), self.firsts, strict=True))
-        self.streams = Streams(number, {mark: Stream(f"v{number}_{i}", 0, first) for i, (mark, first) in streams})
+        parts = enumerate(zip(marks.values(), self.spans, strict=True))
+        self.streams = Streams(number, {mark: Stream(f"v{number}_{i}", 0, first) for i, (mark, (first, _)) in parts})
+        self.ahead = Ahead(self.streams)
         self.rises = until.open
-        self.best, self.terms = f"m.best{number}", list[tuple[Goal, Stream, bool]]()
-        for term in [] if until.open else terms(until.a, until.b, _marked(until.right, marks)):
+        self.best, self.terms = f"m.best{number}", list[tuple[Goal, Stream]]()
+        for term in [] if until.open else terms(psi._replace(psi=_marked(psi.psi, marks))):
             self._add(term)
+        self._bounds(-1, [])
+        for now in sorted(self.cuts()):
+            self._bounds(now, [])  # writes all streams, or raises
+        self.start = min([self.start, *(each.first for each in self.streams.steps)])
+        self.stop = max([self.stop, *(later(term.stop, stream.delay) for term, stream in self.terms)])
 
     def _add(self, term: Goal) -> None:
         """Take in a disjunct; one that is never known while the trace goes on says nothing."""
-        start, stop, psi = term
-        plain = stop == END and earliest(psi) >= latest(psi) and rises(psi)
-        self.rises = self.rises or plain
-        if plain and earliest(psi) == np.inf:
+        risen, at_once = term.stop == END and rises(term.psi), earliest(term.psi) >= latest(term.psi)
+        self.rises = self.rises or risen
+        if risen and earliest(term.psi) == np.inf:
             return
-        stream = self.streams.stream(psi, start)
-        if stream.delay and not plain:
+        stream = self.streams.stream(term.psi, term.start)
+        if stream.delay and not at_once:
             raise UnsupportedError
-        self.terms.append((term, stream, plain))
-        self._bounds(-1, [])  # raises where a tail is not supported
+        self.terms.append((term, stream))
 
     def begin(self) -> list[str]:
         self.streams.begin = list(dict.fromkeys(self.streams.begin))
@@ -66,48 +69,48 @@ class Streamed(Operator):
 
     def cuts(self) -> set[int]:
         ends = {step for each in self.streams.steps for step in (each.first, each.last + 1)}
-        starts = {term.start + stream.delay for term, stream, _ in self.terms}
-        steps = ends | starts | {term.stop + more for term, _, _ in self.terms for more in (0, 1)} | set(self.firsts)
-        return {step for step in steps if step < END}
+        starts = {term.start + stream.delay for term, stream in self.terms}
+        delays = [(term.stop, more) for term, stream in self.terms for more in {0, stream.delay}]
+        stops = {later(stop, more + after) for stop, more in delays for after in (0, 1)}
+        read = {step for first, last in self.spans for step in (first, later(last, 1))}
+        return {step for step in ends | starts | stops | read | self.ahead.turns if 0 <= step < END}
 
     def piece(self, first: int, last: int) -> Piece:
         columns, read = set[int](), list[str]()
-        for i, (psi, since) in enumerate(zip(self.values, self.firsts, strict=True)):
-            if since <= first:
-                of_part, read_part, sign_part = self.reading(f"v{self.number}_{i}", psi)
+        for i, (psi, (since, until)) in enumerate(zip(self.values, self.spans, strict=True)):
+            name = f"v{self.number}_{i}"
+            if since <= first <= until:
+                of_part, read_part, sign_part = self.reading(name, psi)
                 columns |= of_part
                 read += [*read_part, *sign_part]
+            elif first > until:  # no goal counts it any more
+                read.append(f"{name} = 0.0")
         take = [line for each in self.streams.steps if each.first <= first <= each.last for line in each.lines]
         return Piece(first, last, columns, read, "", [], [*take, *self._answer(first)])
 
     def _answer(self, now: int) -> list[str]:
         """The best of the streams that have a value, and the bounds."""
-        values = [stream.value for (a, b, _), stream, _ in self.terms if a <= now - stream.delay <= b]
+        values = [stream.value for (a, b, _), stream in self.terms if a <= now - stream.delay <= b]
         lines = list[str]()
         lower, upper = self._bounds(now, lines)
         better = [block(f"if {value} > {self.best}", [f"{self.best} = {value}"]) for value in values]
         if lower == self.best and upper == "inf":
             return [line for each in better for line in [*each, *(f" {line}" for line in self.publish(lower, upper))]]
         if self.flipped:
-            lower, upper = self.streams.negative(upper, lines), self.streams.negative(lower, lines)
+            lower, upper = self.ahead.negative(upper, lines), self.ahead.negative(lower, lines)
         new = [f"{self.lower} = {lower}", f"{self.upper} = {upper}", "changed = True"]
         changes = block(f"if {self.lower} != {lower} or {self.upper} != {upper}", new)
         return [line for each in better for line in each] + lines + changes
 
     def _bounds(self, now: int, lines: list[str]) -> tuple[str, str]:
         """After the lines, when sample `now` has been taken."""
-        streams = self.streams
-        ends = list[str]()
-        for worst in (True, False):
-            ahead = [
-                streams.tail(psi, worst, stop, lines)
-                for (_, stop, psi), _, plain in self.terms
-                if now < stop and not plain and not (worst and earliest(psi) >= 0)
-            ]
-            if not worst and self.rises:
-                ahead.append("inf")
-            ends.append(streams.folded([self.best, *ahead], False, lines))
-        return ends[0], ends[1]
+        least, greatest = [self.best], [self.best, *(["inf"] if self.rises else [])]
+        for term, stream in self.terms:
+            if not (stream.delay or earliest(term.psi) >= 0):
+                least.append(self.ahead.least(term, now, lines))
+            if not self.rises:
+                greatest.append(self.ahead.greatest(term, stream.delay, now, lines))
+        return self.ahead.folded(least, False, lines), self.ahead.folded(greatest, False, lines)
 
 
 class Replayed(Operator):
@@ -162,6 +165,10 @@ def nested(number: int, formula: Formula, names: tuple[str, ...], negated: bool)
         return Replayed(number, formula, names, negated)
 
 
+def _hull(spans: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    return min(first for first, _ in spans), max(last for _, last in spans)
+
+
 def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]) -> None:
     """The first and last step at which each part without temporal operators is read, for psi at the steps lo..hi."""
     match psi:
@@ -170,18 +177,18 @@ def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]
             spans[psi] = min(lo, first), max(hi, last)
         case Window(a, b, arg):
             if psi.past:
-                _reads(arg, 0 if b == END else max(0, lo - b), _sum(hi, -a), spans)
+                _reads(arg, 0 if b == END else max(0, lo - b), later(hi, -a), spans)
             else:
-                _reads(arg, lo + a, _sum(hi, b), spans)
-        case Between(_, 0, _, _):
-            raise UnsupportedError
+                _reads(arg, lo + a, later(hi, b), spans)
+        case Between(0, 0, _, right):
+            _reads(right, lo, hi, spans)
         case Since(a, b, left, right):
             first = 0 if b == END else max(0, lo - b)
-            _reads(right, first, _sum(hi, -a), spans)
+            _reads(right, first, later(hi, -a), spans)
             _reads(left, first + 1, hi, spans)
         case Between(a, b, left, right):
-            _reads(right, lo + a, _sum(hi, b), spans)
-            _reads(left, lo, _sum(hi, b - (b < END)), spans)
+            _reads(right, lo + a, later(hi, b), spans)
+            _reads(left, lo, later(hi, b - (b < END)), spans)
         case _:
             for arg in operands_of(psi):
                 _reads(arg, lo, hi, spans)
@@ -190,10 +197,5 @@ def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]
 def _marked(psi: Formula, marks: dict[Formula, Predicate]) -> Formula:
     """psi with a mark for each part without temporal operators."""
     if not is_temporal(psi):
-        return marks[psi]
+        return marks.get(psi, psi)  # one that is never read stays
     return psi.with_operands([_marked(arg, marks) for arg in operands_of(psi)])
-
-
-def _sum(step: int, more: int) -> int:
-    """A step and some more, or `END`."""
-    return END if END in (step, more) else step + more

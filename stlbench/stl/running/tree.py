@@ -100,6 +100,9 @@ class Tree(Generic[L]):
                 if inner.least is not least:
                     return self._nested(arg, (a, b), (c, d), least, flipped)
                 return self._eventually(arg, (a + c, syntax.END if syntax.END in (b, d) else b + d), least, flipped)
+            case syntax.Window(a, _, arg) | syntax.Since(a, _, _, arg) if formula.past:  # it is read at step 0
+                now = arg if a == 0 else syntax.TrueFormula()
+                return self._build(now, negated if a == 0 or formula.letter == "H" else not negated)
             case syntax.Between(a, b, left, right) if not (formula.past or is_temporal(left) or is_temporal(right)):
                 dual = isinstance(formula, syntax.Release)  # a release is the opposite of an until of the opposites
                 psis = self._pointwise(left, dual), self._pointwise(right, dual)

@@ -32,23 +32,17 @@ from stlbench.stl.language.structure import (
 )
 from stlbench.stl.language.syntax import (
     END,
-    Always,
-    And,
     Connective,
-    Eventually,
     Formula,
-    Not,
-    Once,
     Or,
-    Release,
-    Since,
+    Predicate,
     Temporal,
     TrueFormula,
-    Until,
     Window,
 )
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
-from stlbench.stl.running.pulling import EVENTS, all_of, orders, varies
+from stlbench.stl.running.ahead import earliest, rises, varies
+from stlbench.stl.running.pulling import Goal, as_until, terms
 
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
@@ -104,7 +98,9 @@ class Unfolding:
 
     def __init__(self, formula: Formula, names: tuple[str, ...]) -> None:
         self.names = names
-        self.flipped, (self.a, self.b), left, right = _as_until(unnested(formula))
+        self.flipped, (self.a, self.b), left, right = as_until(formula)
+        if (self.a, self.b) == (0, END):
+            right = unnested(left, right, names)
         operands = (left, right)
         self.always = left == TrueFormula()
         self.left, self.right = left, right
@@ -205,58 +201,25 @@ def _first(goal: Floats, guard: Floats, start: int) -> Floats:
     return np.asarray(until(guard, goal, start, 1)[:, 0])
 
 
-def _as_until(formula: Formula) -> tuple[bool, tuple[int, int], Formula, Formula]:
-    match formula:
-        case Until(a, b, left, right):
-            return False, (a, b), left, right
-        case Release(a, b, left, right):
-            return True, (a, b), Not(left), Not(right)
-        case Eventually(a, b, arg):
-            return False, (a, b), TrueFormula(), arg
-        case Always(a, b, arg):
-            return True, (a, b), TrueFormula(), Not(arg)
-        case _:
-            return False, (0, 0), TrueFormula(), formula
-
-
 # ------------------------------------------------------------------------------------ operands without an interval
 
 
-def unnested(formula: Formula) -> Formula:
-    """`formula` with fewer operators without an interval inside of one, where that is exact; else as it is.
-
-    F (p & F q) is F (q & O p): q, after p; of several F, by which comes last. F (p & (q R r)) is F (q & (r S (p & r))),
-    whether or not q ever comes: for traces that go on. G is the opposite of F.
-    """
+def unnested(left: Formula, right: Formula, names: tuple[str, ...]) -> Formula:
+    """`right`, for left U right without an interval, with fewer operators without one inside, where that is exact."""
+    if left != TrueFormula() or not is_endless(right):
+        return right
     try:
-        match formula:
-            case Eventually(0, b, arg) if b == END and (known := _pulled(negations_inside(arg))) is not None:
-                return Eventually(0, END, known)
-            case Always(0, b, arg) if b == END and (known := _pulled(negations_inside(Not(arg)))) is not None:
-                return Always(0, END, Not(known))
+        goals = terms(Goal(0, END, negations_inside(right)))
     except FormulaLimitError:
-        pass
-    return formula
-
-
-def _pulled(arg: Formula) -> Formula | None:
-    """A formula q with F arg = F q, without operators that look ahead without an interval."""
-    parts = arg.args if isinstance(arg, And) else (arg,)
-    endless = [part for part in parts if is_endless(part)]
-    rest = [part for part in parts if not is_endless(part)]
-    goals = [part.arg for part in endless if isinstance(part, Eventually) and not is_endless(part.arg)]
-    if 1 < len(goals) == len(endless) <= EVENTS:
-        return Or(tuple(orders(rest, goals)))
-    if len(endless) != 1:
-        return None
-    match endless[0]:
-        case Eventually(_, b, inner) if b == END:
-            goal = And((inner, Once(0, END, all_of(rest)))) if rest else inner
-            return _pulled(goal) if is_endless(inner) else goal
-        case Release(_, b, left, right) if b == END and not (is_endless(left) or is_endless(right)):
-            return And((left, Since(0, END, right, all_of([*rest, right])))) if varies(left) and varies(right) else None
-        case _:
-            return None
+        return right
+    known = [goal.psi for goal in goals if not is_endless(goal.psi)]
+    read = {node for psi in known for node in walk(psi) if isinstance(node, Predicate)}
+    plain = all((goal.start, goal.stop) == (0, END) for goal in goals) and any(map(rises, known))
+    plain = plain and read == {node for node in walk(right) if isinstance(node, Predicate)}
+    if plain and len(known) < len(goals):  # what is left out is never known, and does not matter while all may be well
+        never = all(earliest(goal.psi) == np.inf for goal in goals if is_endless(goal.psi))
+        plain = never and all(varies(part, names) for part in pointwise_parts(right))
+    return (Or(tuple(known)) if len(known) > 1 else known[0]) if plain else right
 
 
 def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:

@@ -1,0 +1,289 @@
+"""What the steps to come, and those that are not decided, may still add to a goal: names of bounds after the lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from stlbench.stl.language.structure import is_temporal, negations_inside, walk
+from stlbench.stl.language.syntax import (
+    END,
+    Always,
+    Between,
+    Connective,
+    Formula,
+    Historically,
+    Not,
+    Once,
+    Since,
+    Window,
+)
+from stlbench.stl.recorded.evaluator import unknown
+from stlbench.stl.running.pulling import During, Goal, all_of, conjuncts, later
+from stlbench.stl.running.streams import Streams, UnsupportedError
+
+
+class Coming(NamedTuple):
+    """Steps after sample `now` that count, `start`..`stop`, and whether the `least` value there is asked for."""
+
+    now: int
+    start: int
+    stop: int
+    least: bool
+
+    @property
+    def any(self) -> bool:
+        return self.now < self.stop
+
+    @property
+    def next(self) -> bool:
+        """Whether the next step is one of them."""
+        return self.start <= self.now + 1 <= self.stop
+
+
+class Ahead:
+    """The bounds of goals beside their decided steps; writes the streams that these need.
+
+    Attributes:
+        turns: samples at which the statements change.
+    """
+
+    def __init__(self, streams: Streams) -> None:
+        self.streams = streams
+        self.turns = set[int]()
+        self._since: dict[tuple[Formula, int], str] = {}
+
+    def least(self, goal: Goal, now: int, lines: list[str]) -> str:
+        """The best of the least values at the steps after `now`."""
+        return self._best(goal.psi, Coming(now, goal.start, goal.stop, True), lines)
+
+    def greatest(self, goal: Goal, delay: int, now: int, lines: list[str]) -> str:
+        """The best of the greatest values at the steps after `now` - `delay`; maybe decided ones count too."""
+        ahead = self._best(goal.psi, Coming(now, goal.start, goal.stop, False), lines)
+        if delay == 0 or ahead == "inf" or now >= later(goal.stop, delay):
+            return ahead
+        return self.folded([ahead, *self._undecided(goal, now)], False, lines)
+
+    def _undecided(self, goal: Goal, now: int) -> list[str]:
+        """The greatest values of psi & G[a,b] q where a window is open: q has held since psi, or since a steps later.
+
+        A window that is closed counts on: it promises less than when it was decided.
+        """
+        held = [arg for arg in conjuncts(goal.psi) if _is_window(arg)]
+        rest = [arg for arg in conjuncts(goal.psi) if not _is_window(arg)]
+        if len({(arg.a, arg.b) for arg in held}) != 1 or (len(held) > 1 and held[0].a > 0):
+            raise UnsupportedError
+        a, q = held[0].a, [arg.arg for arg in held]
+        if (goal.start, goal.stop) != (0, END):
+            rest.append(During(goal.start, goal.stop))
+        later_rest = rest if a == 0 else [Once(a, a, all_of(rest)), During(goal.start + a, later(goal.stop, a))]
+        begun = Since(0, END, all_of(q), all_of([*q, *later_rest]))
+        return [self._now(begun, now), *([self._now(Once(0, a - 1, all_of(rest)), now)] if a > 0 else [])]
+
+    # ------------------------------------------------------------------------------------------------- steps to come
+
+    def _best(self, psi: Formula, at: Coming, lines: list[str]) -> str:
+        """The best of the least or the greatest values of psi at steps to come.
+
+        An operator of the past has one value at all of them, or its greatest one at the last, and its least one at the
+        next. Of such that have their best elsewhere one at most stands in a conjunction.
+        """
+
+        def of(arg: Formula, start: int = 0) -> str:
+            return self._best(arg, at._replace(start=start), lines)
+
+        self.turns |= {at.start - 1, at.stop}
+        match psi:
+            case _ if not at.any:
+                return "-inf"
+            case During(_, last):
+                self.turns.add(last)
+                return "inf" if at.now < last else "-inf"
+            case Not(arg):
+                return self.negative(self._best(arg, at._replace(least=not at.least), lines), lines)
+            case Connective():
+                args = [arg for arg, _ in psi.signed]
+                moving = [arg for arg in args if _has_interval(arg) and not (_is_window(arg) or _is_before(arg))]
+                if psi.least and len(moving) > 1 and any(map(_may_be_best_early, moving)):
+                    raise UnsupportedError
+                for during in (arg for arg in args if psi.least and isinstance(arg, During)):
+                    at = at._replace(start=max(at.start, during.first), stop=min(at.stop, during.last))
+                return self.folded([self._best(arg, at, lines) for arg in args], psi.least, lines)
+            case _ if psi in self.streams.parts or _is_window(psi):
+                return "-inf" if at.least else "inf"
+            case Window() if psi.past:
+                return self._best_of_past(psi, at, lines)
+            case Since(0, b, left, right) if not (_has_interval(left) or _has_interval(right)):
+                ends = of(left), of(right)
+                if b == END:
+                    return self.folded([ends[1], self.folded([self._so_far(psi), ends[0]], True, lines)], False, lines)
+                if ends == ("-inf", "-inf") if at.least else ends[1] == "inf":
+                    return ends[1]
+        match psi:
+            case Since(0, b, left, right) if not (at.least or is_temporal(left)) and _is_masked(right):
+                known = [self._now(Since(0, b if b == END else b - 1, left, right), at.now)] if b > 0 else []
+                return self.folded([*known, of(right)], False, lines)
+            case _:
+                raise UnsupportedError
+
+    def _best_of_past(self, psi: Window, at: Coming, lines: list[str]) -> str:
+        a, b, arg = psi.a, psi.b, psi.arg
+        if a == b == 1:
+            known = [self._now(arg, at.now, "inf" if psi.least else "-inf")] if at.next else []
+            at = at._replace(start=max(0, at.start - 1), stop=later(at.stop, -1))
+            return self.folded([*known, self._best(arg, at, lines)], False, lines)
+        if arg in self.streams.parts and a <= 1 and b < END:
+            return self._best_of_window(psi, at)
+        ahead = self._best(arg, at._replace(start=0), lines)
+        if b == END and not (psi.least and _has_interval(arg)):
+            return self.folded([self._so_far(psi), ahead], psi.least, lines)
+        if at.least or psi.least or not _is_masked(arg):
+            raise UnsupportedError
+        return self.folded([*([self._now(Once(0, b - 1, arg), at.now)] if b > 0 else []), ahead], False, lines)
+
+    def _best_of_window(self, psi: Window, at: Coming) -> str:
+        """The same of H[a,b] and O[a,b] of a part without temporal operators, a <= 1, at some step to come."""
+        known = self._now(type(psi)(0, max(0, psi.b - 1), psi.arg), at.now, "inf" if psi.least else "-inf")
+        if psi.least:
+            if at.least:
+                return known if at.next and psi.a > 0 else "-inf"
+            return self._least_since(psi, at.stop - psi.b) if at.stop < END else "inf"
+        self.turns.add(later(at.stop, -psi.a))
+        if at.least:
+            return known if psi.b > 0 else "-inf"
+        return "inf" if at.now < later(at.stop, -psi.a) else known
+
+    def _now(self, psi: Formula, now: int, before: str = "-inf") -> str:
+        """The value of psi at the sample `now`; before the first `before`, and -inf before psi has one."""
+        part = psi.arg if isinstance(psi, Once) else psi
+        first = self.streams.parts[part].since if part in self.streams.parts else 0
+        stream = self.streams.stream(psi, first)
+        if stream.delay:
+            raise UnsupportedError
+        return stream.value if now >= first else before if now < 0 == first else "-inf"
+
+    def _so_far(self, psi: Formula) -> str:
+        if psi not in self.streams.states:
+            raise UnsupportedError
+        return self.streams.states[psi]
+
+    def _least_since(self, psi: Window, first: int) -> str:
+        """The least value of the operand from a step on, which is the extreme of the last window."""
+        key = psi, first
+        if key not in self._since:
+            state = self._since[key] = self.streams.state("so_far", "inf")
+            arg = self.streams.stream(psi.arg, max(0, first))
+            self.streams.write(max(0, first), [f"if {arg.value} < {state}: {state} = {arg.value}"])
+        return self._since[key]
+
+    def negative(self, value: str, lines: list[str]) -> str:
+        if value in ("inf", "-inf"):
+            return "inf" if value == "-inf" else "-inf"
+        lines.append(f"{(name := self.streams.name('s'))} = -{value}")
+        return name
+
+    def folded(self, values: Sequence[str], least: bool, lines: list[str]) -> str:
+        """The least or the greatest of names and infinities."""
+        neutral, absorbing = ("inf", "-inf") if least else ("-inf", "inf")
+        names = [value for value in dict.fromkeys(values) if value != neutral]
+        if absorbing in names or not names:
+            return absorbing if names else neutral
+        return self.streams.pick(names, least, lines)
+
+
+def _is_window(psi: Formula) -> bool:
+    """Whether it is G of something without temporal operators."""
+    return isinstance(psi, Always) and not is_temporal(psi.arg)
+
+
+def _is_before(psi: Formula) -> bool:
+    """Whether it is what has held so far at the step before."""
+    match psi:
+        case Historically(1, 1, Historically() as so_far):
+            return not _has_interval(so_far)
+        case _:
+            return False
+
+
+def _is_masked(psi: Formula) -> bool:
+    return any(isinstance(node, During) for node in walk(psi))
+
+
+def _may_be_best_early(psi: Formula) -> bool:
+    """Whether the greatest value of psi may be at another step to come than the last."""
+    return _is_masked(psi) or any(
+        isinstance(node, Window) and node.a == node.b == 1 and is_temporal(node.arg) and not _is_before(node)
+        for node in walk(psi)
+    )
+
+
+def _has_interval(psi: Formula) -> bool:
+    return any(isinstance(node, Window | Between) and node.b < END for node in walk(psi))
+
+
+# ------------------------------------------------------------------------------------------------------- what is known
+
+
+def earliest(psi: Formula) -> float:
+    """How many steps after t nothing is known: the least value of psi at t is -inf before sample t + `earliest`.
+
+    `psi` has its negations at its parts without temporal operators, which can have any value.
+    """
+    match psi:
+        case Not(Since(0, _, _, right)):
+            return earliest(negations_inside(Not(right)))
+        case Connective() if is_temporal(psi):
+            return (max if psi.least else min)(earliest(arg) for arg, _ in psi.signed)
+        case Window(a, b, arg) if psi.past:
+            known = earliest(arg)
+            if psi.least:
+                return known if a == 0 else -math.inf
+            return known if known == math.inf else known - _steps(b)
+        case Window(a, b, arg):
+            return earliest(arg) + (_steps(b) if psi.least else a)
+        case Since(0, b, left, right):
+            return min(earliest(left), earliest(right)) if b > 0 else earliest(right)
+        case Between():
+            return -math.inf
+        case _:
+            return 0.0
+
+
+def latest(psi: Formula) -> float:
+    """How many steps after t all is known."""
+    inner = max((latest(arg) for arg in psi.operands if isinstance(arg, Formula)), default=0.0)
+    if isinstance(psi, Window | Between):
+        return (
+            max(0.0, inner - psi.a)
+            if psi.past and not isinstance(psi, Since)
+            else inner + _steps(0 if psi.past else psi.b)
+        )
+    return inner
+
+
+def rises(psi: Formula) -> bool:
+    """Whether the greatest value of psi is inf at all steps that are far enough ahead; psi as in `earliest`."""
+    match psi:
+        case During(_, last):
+            return last == END
+        case Not(Since(0, b, left, right)):
+            ends = [right] if b < END else [left, right]
+            return all(rises(negations_inside(Not(end))) for end in ends)
+        case Connective():
+            return (all if psi.least else any)(rises(arg) for arg, _ in psi.signed)
+        case Window(_, b, arg):
+            return rises(arg) and not (psi.past and psi.least and b == END)
+        case Between(_, _, _, right):
+            return rises(right)
+        case _:
+            return True
+
+
+def varies(psi: Formula, names: tuple[str, ...]) -> bool:
+    """Whether psi, without temporal operators, can have any value at a step to come."""
+    return (unknown(psi, names, "signed", True), unknown(psi, names, "signed", False)) == (-math.inf, math.inf)
+
+
+def _steps(end: int) -> float:
+    return math.inf if end == END else end
