@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
-from stlbench.stl.language.structure import is_temporal, negations_inside, walk
+from stlbench.stl.language.structure import is_temporal, negations_inside, operands_of, walk
 from stlbench.stl.language.syntax import (
     END,
     Always,
@@ -21,7 +21,8 @@ from stlbench.stl.language.syntax import (
 )
 from stlbench.stl.recorded.evaluator import unknown
 from stlbench.stl.running.pulling import During, Goal, all_of, conjuncts, later
-from stlbench.stl.running.streams import Streams, UnsupportedError
+from stlbench.stl.running.streams import Streams
+from stlbench.stl.running.tree import UnsupportedError
 
 
 class Coming(NamedTuple):
@@ -103,7 +104,7 @@ class Ahead:
             case Not(arg):
                 return self.negative(self._best(arg, at._replace(least=not at.least), lines), lines)
             case Connective():
-                args = [arg for arg, _ in psi.signed]
+                args = operands_of(psi)
                 moving = [arg for arg in args if _has_interval(arg) and not (_is_window(arg) or _is_before(arg))]
                 if psi.least and len(moving) > 1 and any(map(_may_be_best_early, moving)):
                     raise UnsupportedError
@@ -121,7 +122,7 @@ class Ahead:
                 if ends == ("-inf", "-inf") if at.least else ends[1] == "inf":
                     return ends[1]
         match psi:
-            case Since(0, b, left, right) if not (at.least or is_temporal(left)) and _is_masked(right):
+            case Since(_, b, left, right) if not (at.least or is_temporal(left)) and _is_masked(right):
                 known = [self._now(Since(0, b if b == END else b - 1, left, right), at.now)] if b > 0 else []
                 return self.folded([*known, of(right)], False, lines)
             case _:
@@ -144,21 +145,25 @@ class Ahead:
 
     def _best_of_window(self, psi: Window, at: Coming) -> str:
         """The same of H[a,b] and O[a,b] of a part without temporal operators, a <= 1, at some step to come."""
-        known = self._now(type(psi)(0, max(0, psi.b - 1), psi.arg), at.now, "inf" if psi.least else "-inf")
-        if psi.least:
-            if at.least:
-                return known if at.next and psi.a > 0 else "-inf"
+        last = later(at.stop, -psi.a)
+        self.turns.add(last)
+        if psi.least and not at.least:
             return self._least_since(psi, at.stop - psi.b) if at.stop < END else "inf"
-        self.turns.add(later(at.stop, -psi.a))
-        if at.least:
-            return known if psi.b > 0 else "-inf"
-        return "inf" if at.now < later(at.stop, -psi.a) else known
+        if not (psi.least or at.least) and at.now < last:
+            return "inf"
+        if psi.b == 0 or (psi.least and not (at.next and psi.a > 0)):
+            return "-inf"
+        return self._now(type(psi)(0, psi.b - 1, psi.arg), at.now, "inf" if psi.least else "-inf")
 
     def _now(self, psi: Formula, now: int, before: str = "-inf") -> str:
         """The value of psi at the sample `now`; before the first `before`, and -inf before psi has one."""
-        part = psi.arg if isinstance(psi, Once) else psi
-        first = self.streams.parts[part].since if part in self.streams.parts else 0
-        stream = self.streams.stream(psi, first)
+        first = lo = 0
+        if psi in self.streams.parts:
+            first = lo = self.streams.parts[psi].since
+        elif isinstance(psi, Window) and psi.arg in self.streams.parts:
+            first = self.streams.parts[psi.arg].since
+            lo = later(first, psi.b)
+        stream = self.streams.stream(psi, lo)
         if stream.delay:
             raise UnsupportedError
         return stream.value if now >= first else before if now < 0 == first else "-inf"
@@ -192,7 +197,7 @@ class Ahead:
         return self.streams.pick(names, least, lines)
 
 
-def _is_window(psi: Formula) -> bool:
+def _is_window(psi: Formula) -> TypeGuard[Always]:
     """Whether it is G of something without temporal operators."""
     return isinstance(psi, Always) and not is_temporal(psi.arg)
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import count
 
 import numpy as np
 
-from stlbench.stl.errors import FormulaLimitError, UndefinedError
+from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.expressions import Number, Signal
 from stlbench.stl.language.structure import check_names, is_temporal, operands_of, signals
 from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Since, Window
 from stlbench.stl.predicates import Sample
 from stlbench.stl.predicates.writer import block
 from stlbench.stl.running.ahead import Ahead, earliest, latest, rises, varies
-from stlbench.stl.running.pulling import Goal, as_goal, later, terms
+from stlbench.stl.running.pulling import as_goal, as_until, later, terms
 from stlbench.stl.running.scalar import Nested, Operator, Piece, Until, value_of
-from stlbench.stl.running.streams import Stream, Streams, UnsupportedError
-from stlbench.stl.running.tree import Kit, Pointwise
-from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
+from stlbench.stl.running.streams import Stream, Streams
+from stlbench.stl.running.tree import Kit, Pointwise, UnsupportedError
+from stlbench.stl.running.unfolding import Decided, Known, Recent, Unfolding
 
 
 class Streamed(Operator):
@@ -26,40 +26,33 @@ class Streamed(Operator):
 
     def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
         """Raises UnsupportedError where psi is no stream."""
-        until = Unfolding(formula, names)
-        psi, spans = as_goal((until.a, until.b), until.left, until.right), dict[Formula, tuple[int, int]]()
+        until, spans = as_until(formula), dict[Formula, tuple[int, int]]()
+        psi = as_goal(until)
         _reads(psi.psi, psi.start, psi.stop, spans)
-        if until.open:
-            spans = dict.fromkeys(spans, (0, END))
         if not all(varies(part, names) for part in spans):
             raise UnsupportedError
-        self.spans = list(spans.values())
-        super().__init__(number, *_hull(self.spans), until.flipped is not negated)
-        self.values = [Pointwise(value_of(part, names, False), (-np.inf, np.inf)) for part in spans]
         marks = {part: Predicate(">=", Signal(f"part{i}"), Number(0.0)) for i, part in enumerate(spans)}
-        parts = enumerate(zip(marks.values(), self.spans, strict=True))
+        goals = terms(psi._replace(psi=_marked(psi.psi, marks)))
+        risen = [goal for goal in goals if goal.stop == END and rises(goal.psi)]
+        known = [goal for goal in goals if goal not in risen or earliest(goal.psi) < np.inf]  # others are never known
+        if not known:
+            spans = dict.fromkeys(spans, (0, END))
+        self.spans = spans
+        firsts, lasts = zip(*spans.values(), strict=True)
+        super().__init__(number, min(firsts), max(lasts), until.opposite is not negated)
+        self.values = [Pointwise(value_of(part, names, False), (-np.inf, np.inf)) for part in spans]
+        parts = enumerate(zip(marks.values(), spans.values(), strict=True))
         self.streams = Streams(number, {mark: Stream(f"v{number}_{i}", 0, first) for i, (mark, (first, _)) in parts})
         self.ahead = Ahead(self.streams)
-        self.rises = until.open
-        self.best, self.terms = f"m.best{number}", list[tuple[Goal, Stream]]()
-        for term in [] if until.open else terms(psi._replace(psi=_marked(psi.psi, marks))):
-            self._add(term)
+        self.rises, self.best = bool(risen), f"m.best{number}"
+        self.terms = [(goal, self.streams.stream(goal.psi, goal.start)) for goal in known]
+        if any(stream.delay and earliest(goal.psi) < latest(goal.psi) for goal, stream in self.terms):
+            raise UnsupportedError
         self._bounds(-1, [])
         for now in sorted(self.cuts()):
             self._bounds(now, [])  # writes all streams, or raises
         self.start = min([self.start, *(each.first for each in self.streams.steps)])
         self.stop = max([self.stop, *(later(term.stop, stream.delay) for term, stream in self.terms)])
-
-    def _add(self, term: Goal) -> None:
-        """Take in a disjunct; one that is never known while the trace goes on says nothing."""
-        risen, at_once = term.stop == END and rises(term.psi), earliest(term.psi) >= latest(term.psi)
-        self.rises = self.rises or risen
-        if risen and earliest(term.psi) == np.inf:
-            return
-        stream = self.streams.stream(term.psi, term.start)
-        if stream.delay and not at_once:
-            raise UnsupportedError
-        self.terms.append((term, stream))
 
     def begin(self) -> list[str]:
         self.streams.begin = list(dict.fromkeys(self.streams.begin))
@@ -72,12 +65,12 @@ class Streamed(Operator):
         starts = {term.start + stream.delay for term, stream in self.terms}
         delays = [(term.stop, more) for term, stream in self.terms for more in {0, stream.delay}]
         stops = {later(stop, more + after) for stop, more in delays for after in (0, 1)}
-        read = {step for first, last in self.spans for step in (first, later(last, 1))}
+        read = {step for first, last in self.spans.values() for step in (first, later(last, 1))}
         return {step for step in ends | starts | stops | read | self.ahead.turns if 0 <= step < END}
 
     def piece(self, first: int, last: int) -> Piece:
         columns, read = set[int](), list[str]()
-        for i, (psi, (since, until)) in enumerate(zip(self.values, self.spans, strict=True)):
+        for i, (psi, (since, until)) in enumerate(zip(self.values, self.spans.values(), strict=True)):
             name = f"v{self.number}_{i}"
             if since <= first <= until:
                 of_part, read_part, sign_part = self.reading(name, psi)
@@ -133,10 +126,10 @@ class Replayed(Operator):
         bounds = self.publish(f"{v}.lower.item()", f"{v}.upper.item()")
         return Piece(first, last, self.columns, [read], "", [], [*state, *bounds])
 
-    def _begin(self) -> tuple[Recent, State]:
+    def _begin(self) -> tuple[Recent, Decided]:
         return Recent(1, len(self.until.names)), self.until.begin(1)
 
-    def _read(self, samples: Recent, state: State, sample: Sample, now: int) -> Known:
+    def _read(self, samples: Recent, state: Decided, sample: Sample, now: int) -> Known:
         newest = np.array([[value if i in self.columns else 0.0 for i, value in enumerate(sample)]])
         try:
             return self.until.read(samples.with_newest(newest, min(now + 1, self.until.window)), now, state)
@@ -154,19 +147,7 @@ def one() -> Kit[Operator]:
     def numbered(operator: Callable[..., Operator]) -> Callable[..., Operator]:
         return lambda *arguments: operator(next(numbers), *arguments)
 
-    return Kit(min, max, value_of, numbered(Until), numbered(Nested), numbered(nested))
-
-
-def nested(number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> Operator:
-    """The cheaper of the two for a formula."""
-    try:
-        return Streamed(number, formula, names, negated)
-    except (UnsupportedError, FormulaLimitError):
-        return Replayed(number, formula, names, negated)
-
-
-def _hull(spans: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    return min(first for first, _ in spans), max(last for _, last in spans)
+    return Kit(min, max, value_of, *map(numbered, (Until, Nested, Streamed, Replayed)))
 
 
 def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]) -> None:

@@ -26,7 +26,6 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.running.tree import Interval
 
 #: orders of that many events are written out: 3 in a row may come in 6 orders
 EVENTS = 3
@@ -50,26 +49,38 @@ class Goal(NamedTuple):
     psi: Formula
 
 
-def as_until(formula: Formula) -> tuple[bool, Interval, Formula, Formula]:
-    """A formula as `left U[a,b] right`: whether it is the opposite of that, the interval, left and right."""
+class AsUntil(NamedTuple):
+    """`left U[a,b] right`, or its `opposite`."""
+
+    opposite: bool
+    a: int
+    b: int
+    left: Formula
+    right: Formula
+
+
+def as_until(formula: Formula) -> AsUntil:
+    """F q is True U q, G q is !(True U !q), p R q is !(!p U !q); any other formula is F[0,0] of it."""
     match formula:
         case Until(a, b, left, right):
-            return False, (a, b), left, right
+            return AsUntil(False, a, b, left, right)
         case Release(a, b, left, right):
-            return True, (a, b), Not(left), Not(right)
+            return AsUntil(True, a, b, Not(left), Not(right))
         case Eventually(a, b, arg):
-            return False, (a, b), TrueFormula(), arg
+            return AsUntil(False, a, b, TrueFormula(), arg)
         case Always(a, b, arg):
-            return True, (a, b), TrueFormula(), Not(arg)
+            return AsUntil(True, a, b, TrueFormula(), Not(arg))
         case _:
-            return False, (0, 0), TrueFormula(), formula
+            return AsUntil(False, 0, 0, TrueFormula(), formula)
 
 
-def as_goal(interval: Interval, left: Formula, right: Formula) -> Goal:
+def as_goal(until: AsUntil) -> Goal:
     """An until at step 0 as F: where right holds, left has held so far at the step before."""
-    a, b = interval
-    held = [] if left == TrueFormula() or b == 0 else [Historically(1, 1, Historically(0, END, negations_inside(left)))]
-    return Goal(a, b, all_of([*conjuncts(negations_inside(right)), *held]))
+    goal = conjuncts(negations_inside(until.right))
+    if until.left == TrueFormula() or until.b == 0:
+        return Goal(until.a, until.b, all_of(goal))
+    so_far = Historically(0, END, negations_inside(until.left))
+    return Goal(until.a, until.b, all_of([*goal, Historically(1, 1, so_far)]))
 
 
 def terms(goal: Goal) -> list[Goal]:
@@ -110,21 +121,18 @@ def _conjunction(start: int, stop: int, args: Sequence[Formula]) -> list[Goal]:
     if (start, stop) != (0, END):
         now = [*rest, During(start, stop)]
     match events:
-        case [Until(a, b, left, goal)] if a > 0:  # left from t on, and at t + a an until without delay
-            before = [Once(a, a, all_of(now))] if rest else []
-            held = [Historically(1, a, left), Until(0, b - a, left, goal)]
-            return _terms(start + a, later(stop, a), all_of([*before, *held]))
         case [Release(a, b, left, right)] if a > 0:
             ways = Eventually(0, a - 1, left), Eventually(a, a, Release(0, b - a, left, right))
-            return [term for way in ways for term in _terms(start, stop, all_of([*rest, way]))]
+            return [term for each in ways for term in _terms(start, stop, all_of([*rest, each]))]
         case [Eventually(a, b, goal)]:
             before = [Once(a, b, all_of(now))] if now else []
             return _terms(start + a, later(stop, b), all_of([*conjuncts(goal), *before]))
-        case [Until(0, b, left, goal)] if b > 0:
-            if not now:
+        case [Until(a, b, left, goal)] if b > 0:
+            if a == 0 and not now:
                 return _terms(0, END, goal)
-            begun = Once(1, 1, Since(0, _before(b), left, all_of([*now, left])))
-            return _terms(start, later(stop, b), all_of([*conjuncts(goal), Or((all_of(now), begun))]))
+            begun = Once(1, 1, Since(max(0, a - 1), _before(b), left, all_of([*now, left])))
+            way = begun if a > 0 else Or((all_of(now), begun))
+            return _terms(start + a, later(stop, b), all_of([*conjuncts(goal), way]))
         case [Release(0, b, left, right)] if b > 0:
             released = all_of([*conjuncts(left), Since(0, _before(b), right, all_of([*now, right]))])
             held = Goal(start, stop, all_of([*rest, Always(0, b, right)]))

@@ -13,10 +13,7 @@ from typing import NamedTuple
 from stlbench.stl.language.syntax import END, And, Connective, Formula, Historically, Once, Since, Window
 from stlbench.stl.predicates.writer import block
 from stlbench.stl.running.pulling import During, all_of, conjuncts, later
-
-
-class UnsupportedError(Exception):
-    """The formula has something that is known in part while it is still open."""
+from stlbench.stl.running.tree import UnsupportedError
 
 
 class Stream(NamedTuple):
@@ -98,7 +95,7 @@ class Streams:
                 return self._since(psi, b, left, right, lo)
             case Since(a, b, left, right):
                 begun = Once(a, a, Since(0, b - a, left, right))
-                return self.stream(And((Historically(0, a - 1, left), begun, During(a, END))), lo)
+                return self.stream(And((Historically(0, a - 1, left), begun, During(_onset(right) + a, END))), lo)
             case _:
                 raise UnsupportedError
 
@@ -181,8 +178,7 @@ class Streams:
         return arg._replace(value=name)
 
     def _since(self, psi: Since, b: int, left: Formula, right: Formula, lo: int) -> Stream:
-        begun = max((arg.first for arg in conjuncts(right) if isinstance(arg, During)), default=0)
-        first = max(begun, 0 if b == END else lo - b)
+        first = max(_onset(right), 0 if b == END else lo - b)
         goal = self.stream(right, first)
         guard = self.stream(left, first + 1)
         delay = max(guard.delay, goal.delay)
@@ -213,3 +209,8 @@ class Streams:
         ]
         self.write(goal.since, lines)
         return Stream(name, delay, lo + delay)
+
+
+def _onset(psi: Formula) -> int:
+    """A step before which psi is -inf."""
+    return max((arg.first for arg in conjuncts(psi) if isinstance(arg, During)), default=0)

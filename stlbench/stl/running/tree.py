@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
+from stlbench.stl.errors import FormulaLimitError
 from stlbench.stl.language import syntax
 from stlbench.stl.language.expressions import MAX_DEPTH
 from stlbench.stl.language.structure import horizon, is_endless, is_temporal
@@ -17,6 +18,10 @@ from stlbench.stl.recorded.evaluator import unknown
 #: least and greatest value, as floats or as arrays
 Ends: TypeAlias = tuple[Any, Any]
 Interval: TypeAlias = tuple[int, int]
+
+
+class UnsupportedError(Exception):
+    """The formula has something that is known in part while it is still open."""
 
 
 class Pointwise(NamedTuple):
@@ -70,6 +75,7 @@ class Kit(Generic[L]):
     value: Callable[[syntax.Formula, tuple[str, ...], bool], Any]  # of psi, or of !psi
     until: Callable[[Pointwise | None, Pointwise, Interval, bool], L]  # F[a,b] right where left is None
     nested: Callable[[Pointwise, Interval, Interval, bool], L]  # F[a,c] G[d,e] psi
+    streamed: Callable[[syntax.Formula, tuple[str, ...], bool], L]  # most others; raises UnsupportedError for the rest
     replayed: Callable[[syntax.Formula, tuple[str, ...], bool], L]  # any temporal formula
 
 
@@ -108,7 +114,10 @@ class Tree(Generic[L]):
                 psis = self._pointwise(left, dual), self._pointwise(right, dual)
                 return self._leaf(kit.until(*psis, (a, b), dual is not negated))
             case _:
-                return self._leaf(kit.replayed(formula, self.names, negated))
+                try:
+                    return self._leaf(kit.streamed(formula, self.names, negated))
+                except (UnsupportedError, FormulaLimitError):
+                    return self._leaf(kit.replayed(formula, self.names, negated))
 
     def _eventually(self, psi: syntax.Formula, interval: Interval, negated: bool, flipped: bool) -> Node:
         return self._leaf(self.kit.until(None, self._pointwise(psi, negated), interval, flipped))

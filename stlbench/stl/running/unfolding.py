@@ -6,8 +6,7 @@ numbers hold what these steps mean for the until. The operands are evaluated at 
 stands for all later ones. So the cost of a step depends on the operands alone: not on the length of the trace, and not
 on the interval of the until.
 
-Operands that look ahead without an interval are never decided. `unnested` rewrites many such formulas, and
-`_stays_open` finds those whose bounds stay infinite. For the others all samples are state and evaluated at each step.
+Operands that look ahead without an interval are never decided: all samples are state and evaluated at each step.
 """
 
 from __future__ import annotations
@@ -19,36 +18,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.arithmetic.folds import until
-from stlbench.stl.errors import FormulaLimitError, UndefinedError
+from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.structure import (
     first_past,
     is_endless,
     lookahead,
     lookbehind,
-    negations_inside,
     operands_of,
-    pointwise_parts,
     walk,
 )
 from stlbench.stl.language.syntax import (
     END,
-    Connective,
     Formula,
-    Or,
-    Predicate,
     Temporal,
     TrueFormula,
-    Window,
 )
-from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
-from stlbench.stl.running.ahead import earliest, rises, varies
-from stlbench.stl.running.pulling import Goal, as_until, terms
+from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator, unknown
+from stlbench.stl.running.pulling import as_until
 
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
 
 
-class State(NamedTuple):
+class Decided(NamedTuple):
     """The effect of the decided steps of n traces."""
 
     best: Floats  # (n,): the value of the until
@@ -61,7 +53,7 @@ class Known(NamedTuple):
 
     lower: Floats
     upper: Floats
-    state: State
+    state: Decided
 
 
 class Recent:
@@ -98,19 +90,15 @@ class Unfolding:
 
     def __init__(self, formula: Formula, names: tuple[str, ...]) -> None:
         self.names = names
-        self.flipped, (self.a, self.b), left, right = as_until(formula)
-        if (self.a, self.b) == (0, END):
-            right = unnested(left, right, names)
+        self.flipped, self.a, self.b, left, right = as_until(formula)
         operands = (left, right)
         self.always = left == TrueFormula()
         self.left, self.right = left, right
         self.ahead = END if any(map(is_endless, operands)) else max(map(lookahead, operands))
         self.behind = max(map(lookbehind, operands))
         self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
-        self.reaches = self.always and first_past(right) is None and _to_come(right, names, False) == np.inf
-        self.open = self.reaches and self.b == END == self.ahead and _stays_open(right, names, True)
-        self.parts = [self._evaluator(part, checked=True) for part in pointwise_parts(right)] if self.open else []
-        self.window = 1 if self.open else min(END, self.ahead + self.behind + 1)
+        self.reaches = self.always and first_past(right) is None and unknown(right, names, "signed", False) == np.inf
+        self.window = min(END, self.ahead + self.behind + 1)
         endless = (
             node
             for operand in operands
@@ -121,30 +109,24 @@ class Unfolding:
 
     def phases(self, now: Steps) -> Steps:
         """The earliest steps (n,) that are read as the steps `now` are; traces of one phase can be read together."""
-        if self.open:
-            return np.zeros_like(now)
         if self.ahead == END:
             return now
         settled = max(self.window, self.a + self.ahead)
         return np.where((settled <= now) & (now < self.b - self.behind), settled, now)
 
-    def begin(self, count: int) -> State:
-        return State(np.full(count, -np.inf), np.full(count, np.inf), {})
+    def begin(self, count: int) -> Decided:
+        return Decided(np.full(count, -np.inf), np.full(count, np.inf), {})
 
-    def read(self, samples: Floats, now: int, state: State) -> Known:
+    def read(self, samples: Floats, now: int, state: Decided) -> Known:
         """The bounds after samples (n, min(now + 1, window), k), the last at step `now` <= `last`, by the state before.
 
         Raises UndefinedError, with the step and the row, where a predicate that is read has no value.
         """
-        count, size = samples.shape[:2]
+        size = samples.shape[1]
         first = now + 1 - size
         last = min(size + self.behind, self.last - first)  # no step beyond the last that counts
         traces = Traces(samples, "interval", last, 0, state.before if first else {})
         try:
-            if self.open:
-                for part in self.parts:
-                    part(traces, 0, 0, True)
-                return Known(np.full(count, -np.inf), np.full(count, np.inf), state)
             known = self._defined_bounds(traces, first, now, state)
         except UndefinedError as error:
             raise UndefinedError(error.what, first + (error.sample or 0), error.trace) from None
@@ -154,7 +136,7 @@ class Unfolding:
                 known = known._replace(state=known.state._replace(before=dict(ends)))
         return known
 
-    def _defined_bounds(self, traces: Traces, first: int, now: int, state: State) -> Known:
+    def _defined_bounds(self, traces: Traces, first: int, now: int, state: Decided) -> Known:
         """The bounds; UndefinedError where a predicate that is read has no value."""
         try:
             with np.errstate(all="ignore", over="raise"):
@@ -166,7 +148,7 @@ class Unfolding:
         with np.errstate(all="ignore"):
             return self._bounds(traces, first, now, state, checked=True)
 
-    def _bounds(self, traces: Traces, first: int, now: int, state: State, checked: bool = False) -> Known:
+    def _bounds(self, traces: Traces, first: int, now: int, state: Decided, checked: bool = False) -> Known:
         """The until from the first step on that was not decided before, joined with the state."""
         at = max(0, now - self.ahead)
         start, stop = max(self.a - at, 0), min(self.b - at, traces.last - at + first)
@@ -199,44 +181,3 @@ def _first(goal: Floats, guard: Floats, start: int) -> Floats:
     if start > guard.shape[1]:  # beyond the step that stands for all to come
         return np.asarray(np.minimum(goal[:, -1], guard.min(axis=1)))
     return np.asarray(until(guard, goal, start, 1)[:, 0])
-
-
-# ------------------------------------------------------------------------------------ operands without an interval
-
-
-def unnested(left: Formula, right: Formula, names: tuple[str, ...]) -> Formula:
-    """`right`, for left U right without an interval, with fewer operators without one inside, where that is exact."""
-    if left != TrueFormula() or not is_endless(right):
-        return right
-    try:
-        goals = terms(Goal(0, END, negations_inside(right)))
-    except FormulaLimitError:
-        return right
-    known = [goal.psi for goal in goals if not is_endless(goal.psi)]
-    read = {node for psi in known for node in walk(psi) if isinstance(node, Predicate)}
-    plain = all((goal.start, goal.stop) == (0, END) for goal in goals) and any(map(rises, known))
-    plain = plain and read == {node for node in walk(right) if isinstance(node, Predicate)}
-    if plain and len(known) < len(goals):  # what is left out is never known, and does not matter while all may be well
-        never = all(earliest(goal.psi) == np.inf for goal in goals if is_endless(goal.psi))
-        plain = never and all(varies(part, names) for part in pointwise_parts(right))
-    return (Or(tuple(known)) if len(known) > 1 else known[0]) if plain else right
-
-
-def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:
-    """The least or the greatest value of a formula without past operators at a step to come."""
-    nothing = Traces(np.empty((1, 0, len(names))), "interval", 0)
-    return float(evaluator(formula, names, "signed")(nothing, 0, 0, worst)[0, 0])
-
-
-def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
-    """Whether the least (greatest) value is -inf (inf) at every step, whatever the samples: nothing can be learned."""
-    match formula:
-        case Connective():
-            some = any if formula.least == worst else all
-            return some(_stays_open(arg, names, worst is not negated) for arg, negated in formula.signed)
-        case Window(0, b, arg) if not formula.past:
-            if b == END and formula.least == worst and first_past(arg) is None:
-                return abs(_to_come(arg, names, worst)) == np.inf and (_to_come(arg, names, worst) < 0) == worst
-            return _stays_open(arg, names, worst)
-        case _:
-            return False
