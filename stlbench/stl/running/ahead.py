@@ -19,9 +19,10 @@ from stlbench.stl.language.syntax import (
     Since,
     Window,
 )
+from stlbench.stl.predicates.writer import block
 from stlbench.stl.recorded.evaluator import unknown
 from stlbench.stl.running.pulling import During, Goal, all_of, conjuncts, later
-from stlbench.stl.running.streams import Streams
+from stlbench.stl.running.streams import Stream, Streams
 from stlbench.stl.running.tree import UnsupportedError
 
 
@@ -54,6 +55,7 @@ class Ahead:
         self.streams = streams
         self.turns = set[int]()
         self._since: dict[tuple[Formula, int], str] = {}
+        self._open = dict[Goal, tuple[str, Formula | None]]()
 
     def least(self, goal: Goal, now: int, lines: list[str]) -> str:
         """The best of the least values at the steps after `now`."""
@@ -64,23 +66,43 @@ class Ahead:
         ahead = self._best(goal.psi, Coming(now, goal.start, goal.stop, False), lines)
         if delay == 0 or ahead == "inf" or now >= later(goal.stop, delay):
             return ahead
-        return self.folded([ahead, *self._undecided(goal, now)], False, lines)
-
-    def _undecided(self, goal: Goal, now: int) -> list[str]:
-        """The greatest values of psi & G[a,b] q where a window is open: q has held since psi, or since a steps later.
-
-        A window that is closed counts on: it promises less than when it was decided.
-        """
-        held = [arg for arg in conjuncts(goal.psi) if _is_window(arg)]
-        rest = [arg for arg in conjuncts(goal.psi) if not _is_window(arg)]
-        if len({(arg.a, arg.b) for arg in held}) != 1 or (len(held) > 1 and held[0].a > 0):
+        if goal not in self._open:
             raise UnsupportedError
-        a, q = held[0].a, [arg.arg for arg in held]
+        queue, before = self._open[goal]
+        lines.append(f"{(name := self.streams.name('s'))} = {queue}[-1][0] if {queue} else -inf")
+        return self.folded([ahead, name, *([] if before is None else [self._now(before, now)])], False, lines)
+
+    def held(self, goal: Goal, best: str) -> Stream | None:
+        """psi & G[a,b] q as a stream, if the goal is such a conjunction: its value where it is decided, else -inf.
+
+        A queue has the begun ones that may still be better than `best`. What began later is worth more, since q cuts
+        them all alike; so they are few, unless psi rises for a long time.
+        """
+        windows = [arg for arg in conjuncts(goal.psi) if _is_window(arg)]
+        rest = [arg for arg in conjuncts(goal.psi) if not _is_window(arg)]
+        if len({(arg.a, arg.b) for arg in windows}) != 1 or any(map(latest, rest)):
+            return None
+        (a, b), q = (windows[0].a, windows[0].b), [arg.arg for arg in windows]
+        first, width = goal.start + a, b if b == END else b - a
         if (goal.start, goal.stop) != (0, END):
             rest.append(During(goal.start, goal.stop))
-        later_rest = rest if a == 0 else [Once(a, a, all_of(rest)), During(goal.start + a, later(goal.stop, a))]
-        begun = Since(0, END, all_of(q), all_of([*q, *later_rest]))
-        return [self._now(begun, now), *([self._now(Once(0, a - 1, all_of(rest)), now)] if a > 0 else [])]
+        begun = [Once(a, a, all_of(rest)), During(first, later(goal.stop, a))] if a > 0 and rest else rest
+        guard, value = (self.streams.stream(all_of(parts), first) for parts in (q, [*q, *begun]))
+        queue, name, v, w = self.streams.state("queue", "deque()"), self.streams.name("s"), guard.value, value.value
+        cut = [
+            "first = queue.pop()",
+            f"while queue and queue[-1][0] >= {v}: first = queue.pop()",
+            f"if {v} > {best}: queue.append(({v}, first[1]))",
+        ]
+        lines = [
+            f"queue = {queue}",
+            *block(f"if queue and queue[-1][0] >= {v}", cut),
+            f"if {w} > (queue[-1][0] if queue else {best}): queue.append(({w}, now))",
+            f"{name} = queue.popleft()[0] if queue and queue[0][1] == now - {width} else -inf",
+        ]
+        self.streams.write(first, lines)
+        self._open[goal] = queue, Once(0, a - 1, all_of(rest)) if a > 0 and rest else None
+        return Stream(name, b, first)
 
     # ------------------------------------------------------------------------------------------------- steps to come
 

@@ -45,7 +45,9 @@ class Streamed(Operator):
         self.streams = Streams(number, {mark: Stream(f"v{number}_{i}", 0, first) for i, (mark, (first, _)) in parts})
         self.ahead = Ahead(self.streams)
         self.rises, self.best = bool(risen), f"m.best{number}"
-        self.terms = [(goal, self.streams.stream(goal.psi, goal.start)) for goal in known]
+        self.terms = [
+            (goal, self.ahead.held(goal, self.best) or self.streams.stream(goal.psi, goal.start)) for goal in known
+        ]
         if any(stream.delay and earliest(goal.psi) < latest(goal.psi) for goal, stream in self.terms):
             raise UnsupportedError
         self._bounds(-1, [])
