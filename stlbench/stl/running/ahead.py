@@ -16,8 +16,8 @@ from stlbench.stl.language.syntax import (
     Historically,
     Not,
     Once,
+    Prefix,
     Since,
-    Window,
 )
 from stlbench.stl.predicates.writer import block
 from stlbench.stl.recorded.evaluator import unknown
@@ -49,11 +49,12 @@ class Ahead:
 
     Attributes:
         turns: samples at which the statements change.
+        quiet: where this holds nothing begins or has begun, if there is one queue.
     """
 
     def __init__(self, streams: Streams) -> None:
         self.streams = streams
-        self.turns = set[int]()
+        self.turns, self.quiet = set[int](), ""
         self._since: dict[tuple[Formula, int], str] = {}
         self._open = dict[Goal, tuple[str, Formula | None]]()
 
@@ -89,18 +90,21 @@ class Ahead:
         begun = [Once(a, a, all_of(rest)), During(first, later(goal.stop, a))] if a > 0 and rest else rest
         guard, value = (self.streams.stream(all_of(parts), first) for parts in (q, [*q, *begun]))
         queue, name, v, w = self.streams.state("queue", "deque()"), self.streams.name("s"), guard.value, value.value
+        more = f"elif {w} > (queue[-1][0] if queue else {best})" if w != v else "else"
         cut = [
             "first = queue.pop()",
             f"while queue and queue[-1][0] >= {v}: first = queue.pop()",
-            f"if {v} > {best}: queue.append(({v}, first[1]))",
+            f"queue.append(({v}, first[1]))",
         ]
-        lines = [
+        better = [
             f"queue = {queue}",
             *block(f"if queue and queue[-1][0] >= {v}", cut),
-            f"if {w} > (queue[-1][0] if queue else {best}): queue.append(({w}, now))",
-            f"{name} = queue.popleft()[0] if queue and queue[0][1] == now - {width} else -inf",
+            f"{more}: queue.append(({w}, now))",
+            f"if queue and queue[0][1] == now - {width}: {name} = queue.popleft()[0]",
         ]
+        lines = [f"{name} = -inf", *block(f"if {v} > {best}", better), f"elif {queue}: {queue}.clear()"]
         self.streams.write(first, lines)
+        self.quiet = f"{v} <= {best} and not {queue}"
         self._open[goal] = queue, Once(0, a - 1, all_of(rest)) if a > 0 and rest else None
         return Stream(name, b, first)
 
@@ -135,7 +139,7 @@ class Ahead:
                 return self.folded([self._best(arg, at, lines) for arg in args], psi.least, lines)
             case _ if psi in self.streams.parts or _is_window(psi):
                 return "-inf" if at.least else "inf"
-            case Window() if psi.past:
+            case Prefix() if psi.past:
                 return self._best_of_past(psi, at, lines)
             case Since(0, b, left, right) if not (_has_interval(left) or _has_interval(right)):
                 ends = of(left), of(right)
@@ -150,7 +154,7 @@ class Ahead:
             case _:
                 raise UnsupportedError
 
-    def _best_of_past(self, psi: Window, at: Coming, lines: list[str]) -> str:
+    def _best_of_past(self, psi: Prefix, at: Coming, lines: list[str]) -> str:
         a, b, arg = psi.a, psi.b, psi.arg
         if a == b == 1:
             known = [self._now(arg, at.now, "inf" if psi.least else "-inf")] if at.next else []
@@ -165,7 +169,7 @@ class Ahead:
             raise UnsupportedError
         return self.folded([*([self._now(Once(0, b - 1, arg), at.now)] if b > 0 else []), ahead], False, lines)
 
-    def _best_of_window(self, psi: Window, at: Coming) -> str:
+    def _best_of_window(self, psi: Prefix, at: Coming) -> str:
         """The same of H[a,b] and O[a,b] of a part without temporal operators, a <= 1, at some step to come."""
         last = later(at.stop, -psi.a)
         self.turns.add(last)
@@ -182,7 +186,7 @@ class Ahead:
         first = lo = 0
         if psi in self.streams.parts:
             first = lo = self.streams.parts[psi].since
-        elif isinstance(psi, Window) and psi.arg in self.streams.parts:
+        elif isinstance(psi, Prefix) and psi.arg in self.streams.parts:
             first = self.streams.parts[psi.arg].since
             lo = later(first, psi.b)
         stream = self.streams.stream(psi, lo)
@@ -195,7 +199,7 @@ class Ahead:
             raise UnsupportedError
         return self.streams.states[psi]
 
-    def _least_since(self, psi: Window, first: int) -> str:
+    def _least_since(self, psi: Prefix, first: int) -> str:
         """The least value of the operand from a step on, which is the extreme of the last window."""
         key = psi, first
         if key not in self._since:
@@ -240,13 +244,13 @@ def _is_masked(psi: Formula) -> bool:
 def _may_be_best_early(psi: Formula) -> bool:
     """Whether the greatest value of psi may be at another step to come than the last."""
     return _is_masked(psi) or any(
-        isinstance(node, Window) and node.a == node.b == 1 and is_temporal(node.arg) and not _is_before(node)
+        isinstance(node, Prefix) and node.a == node.b == 1 and is_temporal(node.arg) and not _is_before(node)
         for node in walk(psi)
     )
 
 
 def _has_interval(psi: Formula) -> bool:
-    return any(isinstance(node, Window | Between) and node.b < END for node in walk(psi))
+    return any(isinstance(node, Prefix | Between) and node.b < END for node in walk(psi))
 
 
 # ------------------------------------------------------------------------------------------------------- what is known
@@ -262,12 +266,12 @@ def earliest(psi: Formula) -> float:
             return earliest(negations_inside(Not(right)))
         case Connective() if is_temporal(psi):
             return (max if psi.least else min)(earliest(arg) for arg, _ in psi.signed)
-        case Window(a, b, arg) if psi.past:
+        case Prefix(a, b, arg) if psi.past:
             known = earliest(arg)
             if psi.least:
                 return known if a == 0 else -math.inf
             return known if known == math.inf else known - _steps(b)
-        case Window(a, b, arg):
+        case Prefix(a, b, arg):
             return earliest(arg) + (_steps(b) if psi.least else a)
         case Since(0, b, left, right):
             return min(earliest(left), earliest(right)) if b > 0 else earliest(right)
@@ -280,7 +284,7 @@ def earliest(psi: Formula) -> float:
 def latest(psi: Formula) -> float:
     """How many steps after t all is known."""
     inner = max((latest(arg) for arg in psi.operands if isinstance(arg, Formula)), default=0.0)
-    if isinstance(psi, Window | Between):
+    if isinstance(psi, Prefix | Between):
         return (
             max(0.0, inner - psi.a)
             if psi.past and not isinstance(psi, Since)
@@ -299,7 +303,7 @@ def rises(psi: Formula) -> bool:
             return all(rises(negations_inside(Not(end))) for end in ends)
         case Connective():
             return (all if psi.least else any)(rises(arg) for arg, _ in psi.signed)
-        case Window(_, b, arg):
+        case Prefix(_, b, arg):
             return rises(arg) and not (psi.past and psi.least and b == END)
         case Between(_, _, _, right):
             return rises(right)

@@ -10,12 +10,12 @@ import numpy as np
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.expressions import Number, Signal
 from stlbench.stl.language.structure import check_names, is_temporal, operands_of, signals
-from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Since, Window
+from stlbench.stl.language.syntax import END, Between, Formula, Predicate, Prefix, Since
 from stlbench.stl.predicates import Sample
 from stlbench.stl.predicates.writer import block
 from stlbench.stl.running.ahead import Ahead, earliest, latest, rises, varies
 from stlbench.stl.running.pulling import as_goal, as_until, later, terms
-from stlbench.stl.running.scalar import Nested, Operator, Piece, Until, value_of
+from stlbench.stl.running.scalar import Operator, Piece, Until, value_of
 from stlbench.stl.running.streams import Stream, Streams
 from stlbench.stl.running.tree import Kit, Pointwise, UnsupportedError
 from stlbench.stl.running.unfolding import Decided, Known, Recent, Unfolding
@@ -71,17 +71,27 @@ class Streamed(Operator):
         return {step for step in ends | starts | stops | read | self.ahead.turns if 0 <= step < END}
 
     def piece(self, first: int, last: int) -> Piece:
-        columns, read = set[int](), list[str]()
+        columns, read, sign = set[int](), list[str](), list[str]()
         for i, (psi, (since, until)) in enumerate(zip(self.values, self.spans.values(), strict=True)):
             name = f"v{self.number}_{i}"
             if since <= first <= until:
                 of_part, read_part, sign_part = self.reading(name, psi)
                 columns |= of_part
-                read += [*read_part, *sign_part]
+                read += read_part
+                sign += sign_part
             elif first > until:  # no goal counts it any more
                 read.append(f"{name} = 0.0")
         take = [line for each in self.streams.steps if each.first <= first <= each.last for line in each.lines]
-        return Piece(first, last, columns, read, "", [], [*take, *self._answer(first)])
+        quiet = self.ahead.quiet if self._is_idle(first) else ""
+        if quiet and len(self.values) > 1:  # it looks at one part, and each may refuse the sample
+            read, sign = [*read, *sign], []
+        return Piece(first, last, columns, read, quiet, sign, [*take, *self._answer(first)])
+
+    def _is_idle(self, now: int) -> bool:
+        """Whether nothing changes while nothing begins: there is one queue, of a part that is read."""
+        read = [f"v{self.number}_{i}" for i, (first, last) in enumerate(self.spans.values()) if first <= now <= last]
+        alone = len(self.terms) == len(self.streams.begin) == 1 and self.ahead.quiet.partition(" ")[0] in read
+        return alone and self._bounds(now, []) == (self.best, "inf")
 
     def _answer(self, now: int) -> list[str]:
         """The best of the streams that have a value, and the bounds."""
@@ -149,7 +159,7 @@ def one() -> Kit[Operator]:
     def numbered(operator: Callable[..., Operator]) -> Callable[..., Operator]:
         return lambda *arguments: operator(next(numbers), *arguments)
 
-    return Kit(min, max, value_of, *map(numbered, (Until, Nested, Streamed, Replayed)))
+    return Kit(min, max, value_of, numbered(Until), None, numbered(Streamed), numbered(Replayed))
 
 
 def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]) -> None:
@@ -158,7 +168,7 @@ def _reads(psi: Formula, lo: int, hi: int, spans: dict[Formula, tuple[int, int]]
         case _ if not is_temporal(psi):
             first, last = spans.get(psi, (lo, hi))
             spans[psi] = min(lo, first), max(hi, last)
-        case Window(a, b, arg):
+        case Prefix(a, b, arg):
             if psi.past:
                 _reads(arg, 0 if b == END else max(0, lo - b), later(hi, -a), spans)
             else:

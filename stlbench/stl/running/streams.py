@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stlbench.stl.language.syntax import END, And, Connective, Formula, Historically, Once, Since, Window
+from stlbench.stl.language.syntax import END, And, Connective, Formula, Historically, Once, Prefix, Since
 from stlbench.stl.predicates.writer import block
 from stlbench.stl.running.pulling import During, all_of, conjuncts, later
 from stlbench.stl.running.tree import UnsupportedError
@@ -84,9 +84,9 @@ class Streams:
                 return self._during(during, self.stream(rest, max(lo, during.first)), lo)
             case Connective():
                 return self._joined(psi, lo)
-            case Window() if psi.past:
+            case Prefix() if psi.past:
                 return self._past(psi, lo)
-            case Window(a, b, arg) if b < END:
+            case Prefix(a, b, arg) if b < END:
                 inner = self.stream(arg, lo + a)
                 return self._extreme(psi, inner, b - a + 1)._replace(delay=inner.delay + b, since=lo + inner.delay + b)
             case Since(0, 0, _, right):
@@ -145,7 +145,7 @@ class Streams:
         self.write(stream.since + steps, [push, f"{name} = {line}.popleft()"])
         return Stream(name, delay, stream.since + steps)
 
-    def _past(self, psi: Window, lo: int) -> Stream:
+    def _past(self, psi: Prefix, lo: int) -> Stream:
         if psi.b == END:
             arg = self.stream(psi.arg, 0)
             state = self.states[psi] = self.state("so_far", "inf" if psi.least else "-inf")
@@ -161,7 +161,7 @@ class Streams:
             self.write(lo + delay, [f"{result.value} = {'inf' if psi.least else '-inf'}"], arg.since - 1)
         return result
 
-    def _extreme(self, psi: Window, arg: Stream, width: int) -> Stream:
+    def _extreme(self, psi: Prefix, arg: Stream, width: int) -> Stream:
         """The extreme of the last `width` values of a stream, of as many as there are at first."""
         if width == 1:
             return arg
