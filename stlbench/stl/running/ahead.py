@@ -84,27 +84,29 @@ class Ahead:
         if len({(arg.a, arg.b) for arg in windows}) != 1 or any(map(latest, rest)):
             return None
         (a, b), q = (windows[0].a, windows[0].b), [arg.arg for arg in windows]
-        first, width = goal.start + a, b if b == END else b - a
-        if (goal.start, goal.stop) != (0, END):
-            rest.append(During(goal.start, goal.stop))
-        begun = [Once(a, a, all_of(rest)), During(first, later(goal.stop, a))] if a > 0 and rest else rest
+        first, last, width = goal.start + a, later(goal.stop, a), b if b == END else b - a
+        begun = [Once(a, a, all_of(rest))] if a > 0 and rest else rest
         guard, value = (self.streams.stream(all_of(parts), first) for parts in (q, [*q, *begun]))
         queue, name, v, w = self.streams.state("queue", "deque()"), self.streams.name("s"), guard.value, value.value
-        more = f"elif {w} > (queue[-1][0] if queue else {best})" if w != v else "else"
         cut = [
             "first = queue.pop()",
             f"while queue and queue[-1][0] >= {v}: first = queue.pop()",
             f"queue.append(({v}, first[1]))",
         ]
-        better = [
-            f"queue = {queue}",
-            *block(f"if queue and queue[-1][0] >= {v}", cut),
-            f"{more}: queue.append(({w}, now))",
-            f"if queue and queue[0][1] == now - {width}: {name} = queue.popleft()[0]",
-        ]
-        lines = [f"{name} = -inf", *block(f"if {v} > {best}", better), f"elif {queue}: {queue}.clear()"]
-        self.streams.write(first, lines)
+        more = "else" if w == v else f"elif {w} > (queue[-1][0] if queue else {best})"
+        for begin, end, append in ((first, last, [f"{more}: queue.append(({w}, now))"]), (last + 1, END, [])):
+            better = [
+                f"queue = {queue}",
+                *block(f"if queue and queue[-1][0] >= {v}", cut),
+                *append,
+                f"if queue and queue[0][1] == now - {width}: {name} = queue.popleft()[0]",
+            ]
+            lines = [f"{name} = -inf", *block(f"if {v} > {best}", better), f"elif {queue}: {queue}.clear()"]
+            if begin <= END:
+                self.streams.write(begin, lines, end)
         self.quiet = f"{v} <= {best} and not {queue}"
+        if (goal.start, goal.stop) != (0, END):
+            rest.append(During(goal.start, goal.stop))
         self._open[goal] = queue, Once(0, a - 1, all_of(rest)) if a > 0 and rest else None
         return Stream(name, b, first)
 

@@ -116,6 +116,7 @@ def program(
     namespace: dict[str, Any] = {**FLOATS.namespace, **_NAMES, "checked": _checked(names)}
     for leaf in tree.leaves:
         namespace |= leaf.namespace  # what the lines call
+    del tree, leaf  # a compiler has use for their memory, where there are thousands
     made = functions(lines, namespace)
     return made["begin"], made["step"], horizon
 
@@ -215,9 +216,9 @@ def _in_groups(
         number, of = len(helpers), partial(_of_pieces, group, first, last)
         nothing = f"{' = '.join(names)} = 0.0"  # where it is not read
         reading = [f"{unpacked} = sample", nothing, *of(lambda piece: [*piece.read, *piece.sign])]
-        helpers += block(f"def read{number}(m, now, sample)", [*reading, f"return {values}"])
+        helpers.append("\n".join(block(f"def read{number}(m, now, sample)", [*reading, f"return {values}"])))
         taking = [f"{values} = values", "changed = False", *of(lambda piece: piece.take), "return changed"]
-        helpers += block(f"def take{number}(m, now, values)", taking)
+        helpers.append("\n".join(block(f"def take{number}(m, now, values)", taking)))  # in place of its many lines
         read.append(f"v{number} = read{number}(m, now, sample)")
         take.append(f"if take{number}(m, now, v{number}): changed = True")
     return [*read, "m.steps = now + 1", "changed = False", *take, *block("if changed", answer), "return m.answer"]

@@ -90,14 +90,19 @@ class Streamed(Operator):
     def _is_idle(self, now: int) -> bool:
         """Whether nothing changes while nothing begins: there is one queue, of a part that is read."""
         read = [f"v{self.number}_{i}" for i, (first, last) in enumerate(self.spans.values()) if first <= now <= last]
+        with self.streams.temporaries():
+            rises = self._bounds(now, []) == (self.best, "inf")
         alone = len(self.terms) == len(self.streams.begin) == 1 and self.ahead.quiet.partition(" ")[0] in read
-        return alone and self._bounds(now, []) == (self.best, "inf")
+        return alone and rises
 
     def _answer(self, now: int) -> list[str]:
         """The best of the streams that have a value, and the bounds."""
         values = [stream.value for (a, b, _), stream in self.terms if a <= now - stream.delay <= b]
         lines = list[str]()
-        lower, upper = self._bounds(now, lines)
+        with self.streams.temporaries():
+            return self._answer_of(values, lines, *self._bounds(now, lines))
+
+    def _answer_of(self, values: list[str], lines: list[str], lower: str, upper: str) -> list[str]:
         better = [block(f"if {value} > {self.best}", [f"{self.best} = {value}"]) for value in values]
         if lower == self.best and upper == "inf":
             return [line for each in better for line in [*each, *(f" {line}" for line in self.publish(lower, upper))]]

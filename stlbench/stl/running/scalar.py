@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,7 +63,9 @@ class Operator(Leaf):
     def pieces(self) -> list[Piece]:
         cuts = {self.start, self.stop + 1, *self.cuts()}
         steps = sorted(step for step in cuts if self.start <= step <= self.stop + 1)
-        return [self.piece(first, after - 1) for first, after in pairwise(steps)]
+        found = [self.piece(first, after - 1) for first, after in pairwise(steps)]
+        alike = groupby(found, key=lambda piece: piece._replace(first=0, last=0))
+        return [(some := list(same))[0]._replace(last=some[-1].last) for _, same in alike]
 
     def publish(self, lower: str, upper: str) -> list[str]:
         if self.flipped:

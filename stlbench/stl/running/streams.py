@@ -7,7 +7,8 @@ look back. Then F psi is the best of a stream so far, if nothing of psi is known
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from stlbench.stl.language.syntax import END, And, Connective, Formula, Historically, Once, Prefix, Since
@@ -52,6 +53,13 @@ class Streams:
     def name(self, kind: str) -> str:
         self._names += 1
         return f"{kind}{self.number}_{self._names}"
+
+    @contextmanager
+    def temporaries(self) -> Iterator[None]:
+        """Names that are given away here may be given again: statements of different samples are alike then."""
+        names = self._names
+        yield
+        self._names = names
 
     def state(self, kind: str, initial: str) -> str:
         name = f"m.{self.name(kind)}"
