@@ -50,8 +50,10 @@ class Intervals(NamedTuple):
 class BatchMonitor:
     """Watches `count` traces for `formula`, each on its own clock: a `Monitor` for each trace.
 
-    Costs a fixed number of NumPy calls per step for the formulas that cost `Monitor` constant work; the others are
-    evaluated anew at each step, once for all traces of one age. `copy.deepcopy` forks it.
+    G, F, G F, F G and until over formulas without temporal operators cost a fixed number of NumPy calls per step. Other
+    formulas that cost `Monitor` constant work cost as much for each trace here; where there are many traces and short
+    windows, they are evaluated anew at each step, once for all traces of one age, and so is the rest. `copy.deepcopy`
+    forks it.
 
     Raises:
         UnknownSignalError: the formula uses a signal that is not in `names`.

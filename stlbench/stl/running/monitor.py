@@ -43,9 +43,9 @@ class Monitor:
     """Watches one trace for `formula`; for many traces at once see `BatchMonitor`.
 
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
-    amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings
-    under an operator without an interval, and past operators. Any other nesting keeps up to horizon + 1 samples and
-    evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+    amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings, and
+    past operators. The rest is known in part while it is open, as an until whose left operand looks ahead. It keeps up
+    to horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
 
     Attributes:
         horizon: the last step that the formula reads; `END` where an operator has no interval.
@@ -116,7 +116,6 @@ def program(
     namespace: dict[str, Any] = {**FLOATS.namespace, **_NAMES, "checked": _checked(names)}
     for leaf in tree.leaves:
         namespace |= leaf.namespace  # what the lines call
-    del tree, leaf  # a compiler has use for their memory, where there are thousands
     made = functions(lines, namespace)
     return made["begin"], made["step"], horizon
 

@@ -1,6 +1,7 @@
 """F[a,b] psi as a disjunction of F whose operands look back instead of ahead, so that one pass decides them.
 
 The last sample that makes psi hold is the moment at which it is known. So `F (p & F q)` is `F (q & O p)`: q, after p.
+With an interval, `F[0,9] (p & F[0,3] q)` is `F[0,12] (q & O[0,3] (p & During(0,9)))`.
 Values, bounds of all prefixes and verdicts stay the same, which holds on each trace that goes on for ever.
 """
 

@@ -1,6 +1,8 @@
 """Any formula while its trace grows: two numbers hold what is decided, and only what is open is evaluated.
 
-Every temporal formula is an until, or the opposite of one: F q is True U q, G q is !(True U !q), p R q is !(!p U !q).
+It serves what no stream has: operands that are known in part while they are open; and many traces with short windows.
+
+Every temporal formula is an until, or the opposite of one: see `as_until`.
 Let h be how many steps the operands look ahead. At sample n, the operands are decided at the steps up to n - h. Two
 numbers hold what these steps mean for the until. The operands are evaluated at the last h steps and at one step that
 stands for all later ones. So the cost of a step depends on the operands alone: not on the length of the trace, and not
