@@ -16,7 +16,7 @@ from stlbench import stl
 from stlbench.stl import Always, And, Eventually, Formula, Historically, Not, Once, Or, Release, Since, Term, Until
 from stlbench.stl.errors import shorten
 from stlbench.stl.language.structure import is_temporal, negations_inside, unbounded
-from stlbench.stl.language.syntax import END, Between, Window
+from stlbench.stl.language.syntax import END, Between, Prefix
 
 
 @dataclass(frozen=True)
@@ -279,7 +279,7 @@ def _event_with(plan: Plan, args: Sequence[Formula], low: At, high: At) -> _Plan
         yield from _all(each, [_happens(psi, begin, end), *rest])
 
 
-def _interval(operator: Window | Between) -> tuple[int, int]:
+def _interval(operator: Prefix | Between) -> tuple[int, int]:
     """The first and the last step that an operator at step 0 reads; negative ones of the past."""
     return (-operator.b, -operator.a) if operator.past else (operator.a, operator.b)
 

@@ -87,8 +87,18 @@ def pointwise(predicates: st.SearchStrategy[Any] = PREDICATES) -> st.SearchStrat
     return st.recursive(st.one_of(predicates, st.just(stl.TrueFormula())), _boolean, max_leaves=4)
 
 
+def _answers() -> st.SearchStrategy[stl.Formula]:
+    """An operator about something now and something earlier or later, as `G[0,9] (p -> F[0,3] q)`."""
+    psi = pointwise(LIPSCHITZ)
+    once = _temporal(psi, 5, endless=True, past=True)
+    twice = _temporal(st.one_of(psi, st.builds(lambda one, other: stl.And((one, other)), psi, once)), 4, True, True)
+    now = st.builds(lambda kind, *parts: kind(parts), st.sampled_from([stl.And, stl.Or]), psi, st.one_of(once, twice))
+    return _temporal(now, 8, endless=True, past=False)
+
+
 #: the nestings for which monitors have operators of their own, and any others
 WATCHED = st.one_of(
+    _answers(),
     formulas(leaves=4),
     formulas(leaves=4, endless=True),
     st.builds(

@@ -100,7 +100,7 @@ class _Parser(TokenStream):
     def at_prefix_word(self, minimum: int) -> bool:
         """Whether a formula is due and the next token is an operator such as G, not a signal of that name."""
         token, second = self.token, self.second
-        if token.kind != "name" or token.text not in syntax.WINDOWS or minimum > expressions.Level.PREFIX:
+        if token.kind != "name" or token.text not in syntax.PREFIXES or minimum > expressions.Level.PREFIX:
             return False
         return (
             token.text in expressions.RESERVED or second.symbol in ("[", "(", "!") or second.kind in ("name", "number")
@@ -138,7 +138,7 @@ class _Parser(TokenStream):
     def temporal(self) -> syntax.Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        kind = syntax.WINDOWS[token.text]
+        kind = syntax.PREFIXES[token.text]
         return kind(a, b, self.operand(expressions.Level.PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:

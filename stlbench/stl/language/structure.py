@@ -13,7 +13,7 @@ from stlbench.stl.language.expressions import Expression, Node, Signal
 from stlbench.stl.language.syntax import (
     BETWEEN,
     END,
-    WINDOWS,
+    PREFIXES,
     Always,
     And,
     AnyNode,
@@ -24,10 +24,10 @@ from stlbench.stl.language.syntax import (
     Not,
     Or,
     Predicate,
+    Prefix,
     Since,
     Temporal,
     TrueFormula,
-    Window,
 )
 
 # ------------------------------------------------------------------------------------------------------ checks, parts
@@ -151,7 +151,7 @@ def lookahead(formula: Formula) -> int:
     its operands have a value, and needs one step at least.
     """
     match formula:
-        case Window(a, b, arg):
+        case Prefix(a, b, arg):
             return max(0, lookahead(arg) - a) if formula.past else lookahead(arg) + (0 if b == END else b)
         case Since(a, b, left, right):
             return max(0, lookahead(right) - a, lookahead(left) if b > 0 else 0)
@@ -232,8 +232,8 @@ def _pushed(formula: Formula, negated: bool, to_predicates: bool) -> Formula:
         case Connective():
             kind = And if formula.least is not negated else Or
             return kind(tuple(of(arg, own is not negated) for arg, own in formula.signed))
-        case Window(a, b, arg):
-            return WINDOWS[_DUALS[formula.letter] if negated else formula.letter](a, b, of(arg))
+        case Prefix(a, b, arg):
+            return PREFIXES[_DUALS[formula.letter] if negated else formula.letter](a, b, of(arg))
         case Since(a, b, left, right):
             since = Since(a, b, of(left, False), of(right, False))
             return Not(since) if negated else since

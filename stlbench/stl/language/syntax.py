@@ -153,7 +153,7 @@ class _Temporal(Node):
 
 
 @dataclass(frozen=True)
-class Window(_Temporal):
+class Prefix(_Temporal):
     """G, F, H, O: the least of `arg` in the interval (`least`), or the greatest."""
 
     level: ClassVar[int] = Level.PREFIX
@@ -167,25 +167,25 @@ class Window(_Temporal):
         return f"{self.operator} {text}"
 
 
-class Always(Window):
+class Always(Prefix):
     """`G[a,b] arg`: arg at every step of [t+a, t+b]."""
 
     letter, least = "G", True
 
 
-class Eventually(Window):
+class Eventually(Prefix):
     """`F[a,b] arg`: arg at some step of [t+a, t+b]."""
 
     letter = "F"
 
 
-class Historically(Window):
+class Historically(Prefix):
     """`H[a,b] arg`: arg at every step of [t-b, t-a] that the trace has, which begins at step 0."""
 
     letter, least, past = "H", True, True
 
 
-class Once(Window):
+class Once(Prefix):
     """`O[a,b] arg`: arg at some step of [t-b, t-a] that the trace has, which begins at step 0."""
 
     letter, past = "O", True
@@ -221,11 +221,11 @@ class Since(Between):
     letter, past = "S", True
 
 
-Temporal: TypeAlias = Window | Between
+Temporal: TypeAlias = Prefix | Between
 Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Temporal
 AnyNode: TypeAlias = Expression | Formula
 #: the temporal operators before their operand, and between two, by letter and by name: G, always
-WINDOWS: dict[str, type[Window]] = {
+PREFIXES: dict[str, type[Prefix]] = {
     word: kind for kind in (Always, Eventually, Historically, Once) for word in (kind.letter, kind.__name__.lower())
 }
 BETWEEN: dict[str, type[Between]] = {

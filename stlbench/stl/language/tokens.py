@@ -16,7 +16,7 @@ from typing import NamedTuple, NoReturn, TypeAlias
 from stlbench.stl.arithmetic.functions import FUNCTIONS
 from stlbench.stl.errors import Position, StlSyntaxError, shorten
 from stlbench.stl.language.expressions import OPERATOR_WORDS, RESERVED
-from stlbench.stl.language.syntax import BETWEEN, MAX_STEP, WINDOWS
+from stlbench.stl.language.syntax import BETWEEN, MAX_STEP, PREFIXES
 
 # ruff: noqa: RUF001 - the signs of other languages are what it is about
 
@@ -58,7 +58,7 @@ _OPERATORS = {
     "F[1,1]": r"next|Next|NEXT|s_next|sX|X+|N|@|[○◯]|\\bigcirc",
     "O[1,1]": r"prev|Prev|PREV|previously|pre|s_prev|sY|yesterday|Y",
 }
-_OURS = {*WINDOWS, *BETWEEN, "W", "weak_until"}
+_OURS = {*PREFIXES, *BETWEEN, "W", "weak_until"}
 _TWICE = "GFHO"  # of which G[a,a] G p reaches from step a to the end
 _SIGNED_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _UNBOUND = r"inf\w*|Inf\w*|INF\w*|oo|∞|\\infty|end"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from stlbench.stl.arithmetic.folds import Values, slide, until
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
-from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Release, Window
+from stlbench.stl.language.syntax import END, Between, Connective, Formula, Predicate, Prefix, Release
 from stlbench.stl.predicates import compile_arrays, evaluated, margin, without_value
 from stlbench.stl.predicates.writer import Reading
 
@@ -36,7 +36,7 @@ def value_range(formula: Formula, of: Callable[[Predicate], tuple[float, float]]
             lows, highs = zip(*ranges, strict=True)
             pick = min if formula.least else max
             return pick(lows), pick(highs)
-        case Window(a, _, arg):
+        case Prefix(a, _, arg):
             low, high = value_range(arg, of)
             if formula.past and a > 0:
                 return (low, math.inf) if formula.least else (-math.inf, high)
@@ -108,7 +108,7 @@ def evaluator(formula: Formula, names: tuple[str, ...], reading: Reading, checke
     match formula:
         case Connective():
             return _joined([of(*part) for part in formula.signed], np.minimum if formula.least else np.maximum)
-        case Window():
+        case Prefix():
             return _window(formula, of(formula.arg))
         case Release():  # the opposite of an until of the opposites
             return _negated(_between(formula, of(formula.left, True), of(formula.right, True)))
@@ -164,7 +164,7 @@ def _joined(args: list[Evaluator], pick: np.ufunc) -> Evaluator:
     return lambda traces, lo, hi, worst: reduce(pick, [arg(traces, lo, hi, worst) for arg in args])
 
 
-def _window(formula: Window, arg: Evaluator) -> Evaluator:
+def _window(formula: Prefix, arg: Evaluator) -> Evaluator:
     """G, F, H or O: the extreme at the steps of the interval that the trace has."""
     pick, empty = (np.minimum, math.inf) if formula.least else (np.maximum, -math.inf)
     beyond, first = lookahead(formula.arg), lookbehind(formula.arg)
@@ -252,7 +252,7 @@ def _to_the_end(values: Values, count: int, pick: np.ufunc) -> Values:
     return later[:, :count]
 
 
-def _reach(formula: Window | Between, traces: Traces, lo: int, hi: int) -> tuple[int, int]:
+def _reach(formula: Prefix | Between, traces: Traces, lo: int, hi: int) -> tuple[int, int]:
     """How far the interval's ends are, cut where every window is outside: huge intervals cost no memory."""
     outside = hi + 1 if formula.past else traces.last - lo + 1
     return min(formula.a, outside), min(formula.b, outside)

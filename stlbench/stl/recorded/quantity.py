@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stlbench.stl.arithmetic.folds import Semantics
 from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside, operands_of
-from stlbench.stl.language.syntax import And, Between, Connective, Formula, Not, Or, Release, Window
+from stlbench.stl.language.syntax import And, Between, Connective, Formula, Not, Or, Prefix, Release
 from stlbench.stl.predicates import margin
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -74,7 +74,7 @@ class Quantity:
             case Connective():
                 fold = self.semantics.least if node.least else self.semantics.greatest
                 return fold.of([self._at(arg, leaves, steps, ends) for arg, _ in node.signed])
-            case Window():
+            case Prefix():
                 return self._window(node, leaves, steps, ends)
             case Between():
                 each = [self._between(node, leaves, t, ends) for t in range(steps[0], steps[1] + 1)]
@@ -82,7 +82,7 @@ class Quantity:
             case _:  # pragma: no cover - a leaf
                 raise AssertionError(node)
 
-    def _window(self, node: Window, leaves: Floats, steps: tuple[int, int], ends: Empty) -> Floats:
+    def _window(self, node: Prefix, leaves: Floats, steps: tuple[int, int], ends: Empty) -> Floats:
         lo, hi = steps
         fold = self.semantics.least if node.least else self.semantics.eventually
         first, last = lo + node.a, leaves.shape[1] - 1

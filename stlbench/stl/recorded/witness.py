@@ -113,14 +113,14 @@ class _Search(NamedTuple):
                 values = [(-1 if negated else 1) * self.values(arg, t, t)[0] for arg, negated in formula.signed]
                 arg, negated = formula.signed[int((np.argmin if formula.least else np.argmax)(values))]
                 return Link(arg, t), -1 if negated else 1
-            case syntax.Window():
+            case syntax.Prefix():
                 return self._window(formula, t), 1
             case syntax.Between():
                 return self._between(formula, t), 1
             case _:  # pragma: no cover - nothing is below predicates and True
                 raise AssertionError(formula)
 
-    def _window(self, formula: syntax.Window, t: int) -> Link:
+    def _window(self, formula: syntax.Prefix, t: int) -> Link:
         pick = np.argmin if formula.least else np.argmax
         near, far = formula.a, self._far(formula, t)
         first, last = (t - far, t - near) if formula.past else (t + near, t + far)
@@ -146,7 +146,7 @@ class _Search(NamedTuple):
             return Link(formula.right, t + way * (near + best))
         return Link(formula.left, t + way * int(np.argmin(guard[: near + best])))
 
-    def _far(self, formula: syntax.Window | syntax.Between, t: int) -> int:
+    def _far(self, formula: syntax.Prefix | syntax.Between, t: int) -> int:
         """How many steps from t the operator's interval reaches, cut at step 0.
 
         Raises:

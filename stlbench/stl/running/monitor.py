@@ -43,9 +43,9 @@ class Monitor:
     """Watches one trace for `formula`; for many traces at once see `BatchMonitor`.
 
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
-    amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings
-    under an operator without an interval, and past operators. Any other nesting keeps up to horizon + 1 samples and
-    evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+    amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings, and
+    past operators. The rest is known in part while it is open, as an until whose left operand looks ahead. It keeps up
+    to horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
 
     Attributes:
         horizon: the last step that the formula reads; `END` where an operator has no interval.
@@ -215,9 +215,9 @@ def _in_groups(
         number, of = len(helpers), partial(_of_pieces, group, first, last)
         nothing = f"{' = '.join(names)} = 0.0"  # where it is not read
         reading = [f"{unpacked} = sample", nothing, *of(lambda piece: [*piece.read, *piece.sign])]
-        helpers += block(f"def read{number}(m, now, sample)", [*reading, f"return {values}"])
+        helpers.append("\n".join(block(f"def read{number}(m, now, sample)", [*reading, f"return {values}"])))
         taking = [f"{values} = values", "changed = False", *of(lambda piece: piece.take), "return changed"]
-        helpers += block(f"def take{number}(m, now, values)", taking)
+        helpers.append("\n".join(block(f"def take{number}(m, now, values)", taking)))  # in place of its many lines
         read.append(f"v{number} = read{number}(m, now, sample)")
         take.append(f"if take{number}(m, now, v{number}): changed = True")
     return [*read, "m.steps = now + 1", "changed = False", *take, *block("if changed", answer), "return m.answer"]

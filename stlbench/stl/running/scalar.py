@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,7 +63,9 @@ class Operator(Leaf):
     def pieces(self) -> list[Piece]:
         cuts = {self.start, self.stop + 1, *self.cuts()}
         steps = sorted(step for step in cuts if self.start <= step <= self.stop + 1)
-        return [self.piece(first, after - 1) for first, after in pairwise(steps)]
+        found = [self.piece(first, after - 1) for first, after in pairwise(steps)]
+        alike = groupby(found, key=lambda piece: piece._replace(first=0, last=0))
+        return [(some := list(same))[0]._replace(last=some[-1].last) for _, same in alike]
 
     def publish(self, lower: str, upper: str) -> list[str]:
         if self.flipped:
@@ -169,54 +171,3 @@ class Until(Operator):
         bounds = (_greatest_of(w, _constant(end)) for end in self.right.unknown)
         take = block(better, [f"{best} = {w}", *self.publish(*bounds)])
         return Piece(first, last, columns, read, f"{w} <= {best}", sign, take)
-
-
-class Nested(Operator):
-    """F[a,c] G[d,e] psi: the best minimum of a window, in constant amortised work.
-
-    Only a run of samples above the best so far can be better. `queue` has those of the run that can still be a
-    window's minimum, values and steps, both rising. The first window in the run is complete at step `due`; its minimum
-    is the first of the queue, is better than the best, and ends the run: the next one begins after it. An incomplete
-    window can only lose what its seen part already lost, and the seen parts shrink as t grows, so of those the last
-    window, t = c, decides alone (`open`).
-    """
-
-    def __init__(self, number: int, psi: Pointwise, outer: Interval, inner: Interval, flipped: bool) -> None:
-        (a, c), (d, e) = outer, inner
-        super().__init__(number, a + d, c + e, flipped)
-        self.psi, self.last, self.width = psi, c + d, e - d
-
-    def begin(self) -> list[str]:
-        n = self.number
-        state = [f"m.best{n} = -inf", f"m.open{n} = inf", f"m.queue{n} = deque()", f"m.due{n} = 0"]
-        return [*state, *self.publish(*map(_constant, self.psi.unknown))]
-
-    def cuts(self) -> set[int]:
-        """From step `last` on the samples are those of the last window."""
-        return {self.last, self.stop}
-
-    def piece(self, first: int, last: int) -> Piece:
-        n, v, best = self.number, self.v, f"m.best{self.number}"
-        columns, read, sign = self.reading(v, self.psi)
-        if first == self.stop:
-            return Piece(first, last, columns, read, "", sign, [*self._slide([]), *self.publish(best, best)])
-        quiet, closing, ahead = f"{v} <= {best} and not m.queue{n}", [], "inf"
-        if first >= self.last:
-            ahead = f"m.open{n}"
-            quiet = f"{quiet} and {v} >= {ahead}"
-        bounds = self.publish(*(_greatest_of(best, _least_of(ahead, end)) for end in self.psi.unknown))
-        if first >= self.last:
-            closing = block(f"if {v} < {ahead}", [f"{ahead} = {v}", *bounds])
-        return Piece(first, last, columns, read, quiet, sign, [*closing, *self._slide(bounds)])
-
-    def _slide(self, bounds: list[str]) -> list[str]:
-        n, v = self.number, self.v
-        complete = [f"m.best{n}, first = queue.popleft()", f"m.due{n} = first + {self.width + 1}", *bounds]
-        run = [
-            *block("if queue", block(f"while queue and queue[-1][0] >= {v}", ["queue.pop()"])),
-            *block("else", [f"m.due{n} = now + {self.width}"]),
-            f"queue.append(({v}, now))",
-            *block(f"if now == m.due{n}", complete),
-        ]
-        anew = "elif queue: queue.clear()"
-        return [f"queue = m.queue{n}", *block(f"if {v} > m.best{n}", run), anew]

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
+from stlbench.stl.errors import FormulaLimitError
 from stlbench.stl.language import syntax
 from stlbench.stl.language.expressions import MAX_DEPTH
 from stlbench.stl.language.structure import horizon, is_endless, is_temporal
@@ -17,6 +18,10 @@ from stlbench.stl.recorded.evaluator import unknown
 #: least and greatest value, as floats or as arrays
 Ends: TypeAlias = tuple[Any, Any]
 Interval: TypeAlias = tuple[int, int]
+
+
+class UnsupportedError(Exception):
+    """The formula has something that is known in part while it is still open."""
 
 
 class Pointwise(NamedTuple):
@@ -69,7 +74,8 @@ class Kit(Generic[L]):
     greatest: Callable[[Sequence[Any]], Any]
     value: Callable[[syntax.Formula, tuple[str, ...], bool], Any]  # of psi, or of !psi
     until: Callable[[Pointwise | None, Pointwise, Interval, bool], L]  # F[a,b] right where left is None
-    nested: Callable[[Pointwise, Interval, Interval, bool], L]  # F[a,c] G[d,e] psi
+    nested: Callable[[Pointwise, Interval, Interval, bool], L] | None  # F[a,c] G[d,e] psi; else it is `streamed`
+    streamed: Callable[[syntax.Formula, tuple[str, ...], bool], L]  # most others; raises UnsupportedError for the rest
     replayed: Callable[[syntax.Formula, tuple[str, ...], bool], L]  # any temporal formula
 
 
@@ -91,30 +97,38 @@ class Tree(Generic[L]):
             case syntax.Connective():
                 parts = [self._build(arg, own is not negated) for arg, own in _together(formula)]
                 return Joined(parts, kit.least if formula.least is not negated else kit.greatest)
-            case syntax.Window(a, b, arg) if not (formula.past or is_temporal(arg)):
+            case syntax.Prefix(a, b, arg) if not (formula.past or is_temporal(arg)):
                 return self._eventually(arg, (a, b), formula.least, formula.least is not negated)
-            case syntax.Window(a, b, syntax.Window(c, d, arg) as inner) if not (
+            case syntax.Prefix(a, b, syntax.Prefix(c, d, arg) as inner) if not (
                 formula.past or inner.past or is_temporal(arg)
             ):
                 least, flipped = formula.least, formula.least is not negated
-                if inner.least is not least:
-                    return self._nested(arg, (a, b), (c, d), least, flipped)
-                return self._eventually(arg, (a + c, syntax.END if syntax.END in (b, d) else b + d), least, flipped)
+                if inner.least is least:
+                    return self._eventually(arg, (a + c, syntax.END if syntax.END in (b, d) else b + d), least, flipped)
+                if d == syntax.END:  # of such windows the last one demands least; the first reads most
+                    windows = [self._eventually(arg, (start, d), not least, not flipped) for start in (a, b)]
+                    return Joined(windows, kit.least if flipped else kit.greatest)
+                if kit.nested is None:
+                    return self._streamed(formula, negated)
+                return self._leaf(kit.nested(self._pointwise(arg, least), (a, b), (c, d), flipped))
+            case syntax.Prefix(a, _, arg) | syntax.Since(a, _, _, arg) if formula.past:  # it is read at step 0
+                now = arg if a == 0 else syntax.TrueFormula()
+                return self._build(now, negated if a == 0 or formula.letter == "H" else not negated)
             case syntax.Between(a, b, left, right) if not (formula.past or is_temporal(left) or is_temporal(right)):
                 dual = isinstance(formula, syntax.Release)  # a release is the opposite of an until of the opposites
                 psis = self._pointwise(left, dual), self._pointwise(right, dual)
                 return self._leaf(kit.until(*psis, (a, b), dual is not negated))
             case _:
-                return self._leaf(kit.replayed(formula, self.names, negated))
+                return self._streamed(formula, negated)
+
+    def _streamed(self, formula: syntax.Formula, negated: bool) -> L:
+        try:
+            return self._leaf(self.kit.streamed(formula, self.names, negated))
+        except (UnsupportedError, FormulaLimitError):
+            return self._leaf(self.kit.replayed(formula, self.names, negated))
 
     def _eventually(self, psi: syntax.Formula, interval: Interval, negated: bool, flipped: bool) -> Node:
         return self._leaf(self.kit.until(None, self._pointwise(psi, negated), interval, flipped))
-
-    def _nested(self, psi: syntax.Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Node:
-        if inner[1] == syntax.END:  # of windows that reach on for ever the last one demands least; the first reads most
-            windows = [self._eventually(psi, (start, syntax.END), not negated, not flipped) for start in outer]
-            return Joined(windows, self.kit.least if flipped else self.kit.greatest)
-        return self._leaf(self.kit.nested(self._pointwise(psi, negated), outer, inner, flipped))
 
     def _pointwise(self, psi: syntax.Formula, negated: bool) -> Pointwise:
         whole = syntax.Not(psi) if negated else psi

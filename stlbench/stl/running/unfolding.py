@@ -1,13 +1,14 @@
 """Any formula while its trace grows: two numbers hold what is decided, and only what is open is evaluated.
 
-Every temporal formula is an until, or the opposite of one: F q is True U q, G q is !(True U !q), p R q is !(!p U !q).
+It serves what no stream has: operands that are known in part while they are open; and many traces with short windows.
+
+Every temporal formula is an until, or the opposite of one: see `as_until`.
 Let h be how many steps the operands look ahead. At sample n, the operands are decided at the steps up to n - h. Two
 numbers hold what these steps mean for the until. The operands are evaluated at the last h steps and at one step that
 stands for all later ones. So the cost of a step depends on the operands alone: not on the length of the trace, and not
 on the interval of the until.
 
-Operands that look ahead without an interval are never decided. `unnested` rewrites many such formulas, and
-`_stays_open` finds those whose bounds stay infinite. For the others all samples are state and evaluated at each step.
+Operands that look ahead without an interval are never decided: all samples are state and evaluated at each step.
 """
 
 from __future__ import annotations
@@ -19,42 +20,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.arithmetic.folds import until
-from stlbench.stl.errors import FormulaLimitError, UndefinedError
+from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.structure import (
     first_past,
     is_endless,
     lookahead,
     lookbehind,
-    negations_inside,
     operands_of,
-    pointwise_parts,
     walk,
 )
 from stlbench.stl.language.syntax import (
     END,
-    Always,
-    And,
-    Connective,
-    Eventually,
     Formula,
-    Not,
-    Once,
-    Or,
-    Release,
-    Since,
     Temporal,
     TrueFormula,
-    Until,
-    Window,
 )
-from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
-from stlbench.stl.running.pulling import EVENTS, all_of, orders, varies
+from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator, unknown
+from stlbench.stl.running.pulling import as_until
 
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
 
 
-class State(NamedTuple):
+class Decided(NamedTuple):
     """The effect of the decided steps of n traces."""
 
     best: Floats  # (n,): the value of the until
@@ -67,7 +55,7 @@ class Known(NamedTuple):
 
     lower: Floats
     upper: Floats
-    state: State
+    state: Decided
 
 
 class Recent:
@@ -104,17 +92,15 @@ class Unfolding:
 
     def __init__(self, formula: Formula, names: tuple[str, ...]) -> None:
         self.names = names
-        self.flipped, (self.a, self.b), left, right = _as_until(unnested(formula))
+        self.flipped, self.a, self.b, left, right = as_until(formula)
         operands = (left, right)
         self.always = left == TrueFormula()
         self.left, self.right = left, right
         self.ahead = END if any(map(is_endless, operands)) else max(map(lookahead, operands))
         self.behind = max(map(lookbehind, operands))
         self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
-        self.reaches = self.always and first_past(right) is None and _to_come(right, names, False) == np.inf
-        self.open = self.reaches and self.b == END == self.ahead and _stays_open(right, names, True)
-        self.parts = [self._evaluator(part, checked=True) for part in pointwise_parts(right)] if self.open else []
-        self.window = 1 if self.open else min(END, self.ahead + self.behind + 1)
+        self.reaches = self.always and first_past(right) is None and unknown(right, names, "signed", False) == np.inf
+        self.window = min(END, self.ahead + self.behind + 1)
         endless = (
             node
             for operand in operands
@@ -125,30 +111,24 @@ class Unfolding:
 
     def phases(self, now: Steps) -> Steps:
         """The earliest steps (n,) that are read as the steps `now` are; traces of one phase can be read together."""
-        if self.open:
-            return np.zeros_like(now)
         if self.ahead == END:
             return now
         settled = max(self.window, self.a + self.ahead)
         return np.where((settled <= now) & (now < self.b - self.behind), settled, now)
 
-    def begin(self, count: int) -> State:
-        return State(np.full(count, -np.inf), np.full(count, np.inf), {})
+    def begin(self, count: int) -> Decided:
+        return Decided(np.full(count, -np.inf), np.full(count, np.inf), {})
 
-    def read(self, samples: Floats, now: int, state: State) -> Known:
+    def read(self, samples: Floats, now: int, state: Decided) -> Known:
         """The bounds after samples (n, min(now + 1, window), k), the last at step `now` <= `last`, by the state before.
 
         Raises UndefinedError, with the step and the row, where a predicate that is read has no value.
         """
-        count, size = samples.shape[:2]
+        size = samples.shape[1]
         first = now + 1 - size
         last = min(size + self.behind, self.last - first)  # no step beyond the last that counts
         traces = Traces(samples, "interval", last, 0, state.before if first else {})
         try:
-            if self.open:
-                for part in self.parts:
-                    part(traces, 0, 0, True)
-                return Known(np.full(count, -np.inf), np.full(count, np.inf), state)
             known = self._defined_bounds(traces, first, now, state)
         except UndefinedError as error:
             raise UndefinedError(error.what, first + (error.sample or 0), error.trace) from None
@@ -158,7 +138,7 @@ class Unfolding:
                 known = known._replace(state=known.state._replace(before=dict(ends)))
         return known
 
-    def _defined_bounds(self, traces: Traces, first: int, now: int, state: State) -> Known:
+    def _defined_bounds(self, traces: Traces, first: int, now: int, state: Decided) -> Known:
         """The bounds; UndefinedError where a predicate that is read has no value."""
         try:
             with np.errstate(all="ignore", over="raise"):
@@ -170,7 +150,7 @@ class Unfolding:
         with np.errstate(all="ignore"):
             return self._bounds(traces, first, now, state, checked=True)
 
-    def _bounds(self, traces: Traces, first: int, now: int, state: State, checked: bool = False) -> Known:
+    def _bounds(self, traces: Traces, first: int, now: int, state: Decided, checked: bool = False) -> Known:
         """The until from the first step on that was not decided before, joined with the state."""
         at = max(0, now - self.ahead)
         start, stop = max(self.a - at, 0), min(self.b - at, traces.last - at + first)
@@ -203,77 +183,3 @@ def _first(goal: Floats, guard: Floats, start: int) -> Floats:
     if start > guard.shape[1]:  # beyond the step that stands for all to come
         return np.asarray(np.minimum(goal[:, -1], guard.min(axis=1)))
     return np.asarray(until(guard, goal, start, 1)[:, 0])
-
-
-def _as_until(formula: Formula) -> tuple[bool, tuple[int, int], Formula, Formula]:
-    match formula:
-        case Until(a, b, left, right):
-            return False, (a, b), left, right
-        case Release(a, b, left, right):
-            return True, (a, b), Not(left), Not(right)
-        case Eventually(a, b, arg):
-            return False, (a, b), TrueFormula(), arg
-        case Always(a, b, arg):
-            return True, (a, b), TrueFormula(), Not(arg)
-        case _:
-            return False, (0, 0), TrueFormula(), formula
-
-
-# ------------------------------------------------------------------------------------ operands without an interval
-
-
-def unnested(formula: Formula) -> Formula:
-    """`formula` with fewer operators without an interval inside of one, where that is exact; else as it is.
-
-    F (p & F q) is F (q & O p): q, after p; of several F, by which comes last. F (p & (q R r)) is F (q & (r S (p & r))),
-    whether or not q ever comes: for traces that go on. G is the opposite of F.
-    """
-    try:
-        match formula:
-            case Eventually(0, b, arg) if b == END and (known := _pulled(negations_inside(arg))) is not None:
-                return Eventually(0, END, known)
-            case Always(0, b, arg) if b == END and (known := _pulled(negations_inside(Not(arg)))) is not None:
-                return Always(0, END, Not(known))
-    except FormulaLimitError:
-        pass
-    return formula
-
-
-def _pulled(arg: Formula) -> Formula | None:
-    """A formula q with F arg = F q, without operators that look ahead without an interval."""
-    parts = arg.args if isinstance(arg, And) else (arg,)
-    endless = [part for part in parts if is_endless(part)]
-    rest = [part for part in parts if not is_endless(part)]
-    goals = [part.arg for part in endless if isinstance(part, Eventually) and not is_endless(part.arg)]
-    if 1 < len(goals) == len(endless) <= EVENTS:
-        return Or(tuple(orders(rest, goals)))
-    if len(endless) != 1:
-        return None
-    match endless[0]:
-        case Eventually(_, b, inner) if b == END:
-            goal = And((inner, Once(0, END, all_of(rest)))) if rest else inner
-            return _pulled(goal) if is_endless(inner) else goal
-        case Release(_, b, left, right) if b == END and not (is_endless(left) or is_endless(right)):
-            return And((left, Since(0, END, right, all_of([*rest, right])))) if varies(left) and varies(right) else None
-        case _:
-            return None
-
-
-def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:
-    """The least or the greatest value of a formula without past operators at a step to come."""
-    nothing = Traces(np.empty((1, 0, len(names))), "interval", 0)
-    return float(evaluator(formula, names, "signed")(nothing, 0, 0, worst)[0, 0])
-
-
-def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
-    """Whether the least (greatest) value is -inf (inf) at every step, whatever the samples: nothing can be learned."""
-    match formula:
-        case Connective():
-            some = any if formula.least == worst else all
-            return some(_stays_open(arg, names, worst is not negated) for arg, negated in formula.signed)
-        case Window(0, b, arg) if not formula.past:
-            if b == END and formula.least == worst and first_past(arg) is None:
-                return abs(_to_come(arg, names, worst)) == np.inf and (_to_come(arg, names, worst) < 0) == worst
-            return _stays_open(arg, names, worst)
-        case _:
-            return False

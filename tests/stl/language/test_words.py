@@ -9,10 +9,10 @@ import pytest
 
 from stlbench import stl
 from stlbench.stl.language.expressions import OPERATOR_WORDS, RESERVED
-from stlbench.stl.language.syntax import BETWEEN, WINDOWS
+from stlbench.stl.language.syntax import BETWEEN, PREFIXES
 
 WORDS = sorted(
-    {*RESERVED, *OPERATOR_WORDS, *WINDOWS, *BETWEEN, *["W", "weak_until", "e", "inf", "nan", "PI", "TRUE", "t"]}
+    {*RESERVED, *OPERATOR_WORDS, *PREFIXES, *BETWEEN, *["W", "weak_until", "e", "inf", "nan", "PI", "TRUE", "t"]}
 )
 TRACE = [[0.1, 3.0], [0.2, 3.0]]
 USES: dict[str, Callable[[stl.Formula, list[str]], Any]] = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+from collections import deque
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.stl.running.batch import SlidingLeast, SlidingQueue
 from stlbench.stl.running.tree import last_step
+from stlbench.stl.running.unfolding import Unfolding
 
 
 @given(WATCHED, SEEDS, st.booleans())
@@ -65,10 +67,17 @@ def test_wide_windows_keep_what_may_still_count() -> None:
 
 
 def test_traces_of_different_age_are_read_together() -> None:
-    formula = stl.parse("G (x >= 0 -> F[1,4] y >= 0) & G[2,90] (x >= 0 -> O[0,3] y >= 0) & G (x >= 0 -> F y >= 0)")
-    monitor = stl.BatchMonitor(formula, NAMES, 3)
-    phases = [leaf.until.phases(np.array([40, 60, 80])).tolist() for leaf in monitor._tree.leaves]  # type: ignore[attr-defined]
-    assert all(len(set(each)) == 1 for each in phases)
+    for text in ("G (x >= 0 -> F[1,4] y >= 0)", "G[2,90] (x >= 0 -> O[0,3] y >= 0)"):
+        assert len(set(Unfolding(stl.parse(text), NAMES).phases(np.array([40, 60, 80])).tolist())) == 1
+
+
+def test_wide_windows_of_nested_formulas_keep_what_may_still_count() -> None:
+    formula = stl.parse("G (x >= 0 -> O[0,1000000] y >= 0) & G[0,9000000] (x >= 0 -> F[0,1000000] y >= 0)")
+    monitor, samples = stl.BatchMonitor(formula, NAMES, 100), np.random.default_rng(0).normal(size=(200, 100, 3))
+    for rows in samples:
+        monitor.update(rows)
+    states = [vars(state).values() for leaf in monitor._tree.leaves for state in leaf.states]  # type: ignore[attr-defined]
+    assert max(len(each) for state in states for each in state if isinstance(each, deque)) < 40
 
 
 def test_earlier_answers_do_not_change() -> None:
