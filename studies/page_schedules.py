@@ -1,4 +1,4 @@
-"""The effect of schedules on the suite: tasks of core that are learned, by template; on the quick slice, by method."""
+"""What schedules change on the suite: learned tasks of core by template, and of the quick slice by method."""
 
 from __future__ import annotations
 
