@@ -9,7 +9,7 @@ import torch
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.stl.language.syntax import Connective, Window
+from stlbench.stl.language.syntax import Connective, Prefix
 from stlbench.task import Task
 
 _DIFFERENCE, _NEVER = 1e-6, 1e3
@@ -77,7 +77,7 @@ def _smooth(formula: stl.Formula, margins: dict[stl.Formula, torch.Tensor], k: f
             length = min(each.shape[1] for each in parts)
             fold = least if formula.least != negated else most
             return fold(torch.stack([each[:, :length] for each in parts]), 0)
-        case Window(a=a, b=b, arg=arg, past=False):
+        case Prefix(a=a, b=b, arg=arg, past=False):
             fold = least if formula.least != negated else most
             return fold(_smooth(arg, margins, k, negated)[:, a:].unfold(1, b - a + 1, 1), 2)
         case stl.Until(a=0, b=b, left=left, right=right) if not negated:  # at step 0 alone

@@ -16,7 +16,7 @@ from functools import partial
 from io import DEFAULT_BUFFER_SIZE, BufferedReader, RawIOBase, TextIOWrapper
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Literal, Self, TypeVar
+from typing import Any, BinaryIO, Literal, Self, TypeVar
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import IDENTITY, CellId, ReadCell, valid
@@ -24,9 +24,6 @@ from stlbench.records.result import NOT_RUN, TASK_FOLDER, Result, from_json, pla
 from stlbench.records.result_files import LINES, PACKED, appended, is_there, to_read, write
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import LONGEST
-
-if TYPE_CHECKING:
-    from _typeshed import WriteableBuffer
 
 _T = TypeVar("_T")
 _ENDS = tuple(name.removeprefix("cells") for name in (LINES, PACKED))
@@ -196,7 +193,7 @@ class _Unpacker(RawIOBase):
     def readable(self) -> bool:
         return True
 
-    def readinto(self, buffer: WriteableBuffer) -> int:
+    def readinto(self, buffer: Any) -> int:
         into = memoryview(buffer)
         while not self._unpacker.eof:
             packed = self._raw.read(DEFAULT_BUFFER_SIZE) if self._unpacker.needs_input else b""
