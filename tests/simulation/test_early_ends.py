@@ -82,12 +82,12 @@ def test_what_training_is_paid_at_an_early_end(terminated: str, reward: float, d
     [
         ("F[0,4] x >= 1", 461.0),  # satisfied: as above
         ("F[3,4] x >= 1", 461.0),  # x stays 1
-        ("F[0,4] x <= -1", -0.5),  # lost: the floor
-        ("F[0,1] x >= 1", -0.5),  # x = 1 comes too late
+        ("F[0,4] x <= -1", 450.0),  # violated: as if it stood at x = 0
+        ("F[0,1] x >= 1", 450.0),  # x = 1 comes too late
     ],
 )
-def test_an_early_end_that_violates_pays_the_floor_on_request(formula: str, reward: float) -> None:
-    task = walk(WALL, formula=formula, training={"ends": [{"where": "lost"}]})
+def test_an_early_end_that_violates_is_worth_the_first_sample_on_request(formula: str, reward: float) -> None:
+    task = walk(WALL, formula=formula, training={"ends": [{"where": "unsatisfied"}]})
     environment = BatchEnvironment(task, Probe(task.specification), 3, seed=0)
     environment.reset()
     for _ in range(2):  # the third copy ends twice, the second episode like the first
@@ -98,15 +98,32 @@ def test_an_early_end_that_violates_pays_the_floor_on_request(formula: str, rewa
         assert second.discount.tolist() == [0, 1, 0]
 
 
-def test_an_early_end_is_lost_by_what_happened_before_it() -> None:
+def test_such_an_end_is_worth_the_last_sample_where_that_is_less() -> None:
+    task = walk(WalkTask(wall=-1.0), formula="F[0,4] x >= 1", training={"ends": [{"where": "unsatisfied"}]})
+    environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
+    environment.reset()
+    step = environment.step(np.array([0]))
+    assert step.reward.tolist() == [400 - 5 - 0.5]  # 100 t + 10 x + x at t = 1..7, x = -.5
+    assert step.discount.tolist() == [0]
+
+
+def test_where_every_early_end_violates_it_is_worth_the_first_sample_too() -> None:
+    task = walk(WALL, terminated="violated", training={"ends": [{"where": "unsatisfied"}]})
+    environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
+    environment.reset()
+    environment.step(np.array([RIGHT_INDEX]))
+    assert environment.step(np.array([RIGHT_INDEX])).reward.tolist() == [450]
+
+
+def test_an_early_end_violates_by_what_happened_before_it() -> None:
     """With actions held for two steps, the samples within a decision count: x = .5 at step 1."""
-    for formula, reward in (("F[1,1] x >= 0.5", True), ("F[1,1] x >= 1", False)):
-        task = walk(WALL, formula=formula, hold=2, training={"ends": [{"where": "lost"}]})
+    for formula, reward in (("F[1,1] x >= 0.5", 461.0), ("F[1,1] x >= 1", 450.0)):
+        task = walk(WALL, formula=formula, hold=2, training={"ends": [{"where": "unsatisfied"}]})
         environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
         environment.reset()
         step = environment.step(np.array([RIGHT_INDEX]))
         assert step.ended.tolist() == [True]
-        assert (step.reward[0] > 0) == reward
+        assert step.reward.tolist() == [reward]
 
 
 def test_an_end_at_the_last_step_is_the_time_limit() -> None:
