@@ -179,11 +179,11 @@ controller acts. [Tasks](reference/tasks.md) has formulas and sources.
 def _entry(task: Task, filmed: Filmed) -> str:
     name = task.name
     size = f'width="{filmed.width}" height="{filmed.height}"'
-    picture = f"![{name}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}"
+    picture = f"![{name}](figures/gallery/{name}-still.webp){{{size} loading=lazy}}"
     who = "" if filmed.by == "by hand" else " " + WHO.get(filmed.by, f"Policy `{filmed.by}`.")
     return f"""## {name}
 
-[{picture}](figures/gallery/{name}.webp){{ .film }}
+[{picture}](figures/gallery/{name}.webp){{.film}}
 
 {task.file.title}.{who}
 """

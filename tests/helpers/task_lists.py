@@ -9,7 +9,7 @@ from stlbench.registry import plugins
 TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == plugins.OWN)
 FIELD = ("cartpole-steady", "dwell", "either-or", "hopper", "lane", "lunar-lander", "patrol", "walker")
 WITHOUT_RECIPES = (
-    *("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band"),
+    *("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band", "fetch-avoid"),
     *("quadrotor-gates", "quadrotor-patrol", "zones"),
 )
 """Tasks for which nobody made anything by hand but a controller."""

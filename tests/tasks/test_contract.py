@@ -13,7 +13,7 @@ from stlbench.simulation import referee
 from stlbench.task import load_task
 from stlbench_tasks.differential_drive import DifferentialDrive
 
-MUJOCO = ("ball-in-cup", "cartpole", "fetch-reach")
+MUJOCO = ("ball-in-cup", "cartpole", "fetch-avoid", "fetch-reach")
 
 
 CONTROLLED = {
@@ -22,6 +22,7 @@ CONTROLLED = {
     "cartpole": (0.099, 0.1),
     "cartpole-steady": (0.03, 0.1),
     "dwell": (0.4, 0.5),
+    "fetch-avoid": (0.025, 0.05),
     "fetch-reach": (0.085, 0.1),
     "overlap": (0.19, 0.25),  # the passages are 0.5 m wide; a start at (1.3, 1) has 0.2
     "patrol": (0.25, 0.5),

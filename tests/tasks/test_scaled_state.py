@@ -19,7 +19,7 @@ ROBOTS = ("hold-disc", "hold-disc-coarse", "robot-nav", "annulus", "reach-stay",
 SHOWN = {
     "cartpole": ("x", "theta", "d_x", "d_theta"),
     "ball-in-cup": tuple(f"{d}{part}" for d in ("", "d_") for part in ("cup_x", "cup_z", "ball_x", "ball_z")),
-    "fetch-reach": ("x", "y", "z", "v_x", "v_y", "v_z"),
+    **dict.fromkeys(("fetch-avoid", "fetch-reach"), ("x", "y", "z", "v_x", "v_y", "v_z")),
     "patrol": ("x", "y", "heading"),
     "dwell": ("x", "y", "heading"),
 }

@@ -18,7 +18,7 @@ from stlbench.testing import Rules, check_task
 TASKS = plugins.available("tasks")
 
 
-DEAR = ("lane", "fetch-reach", "ball-in-cup")
+DEAR = ("lane", "fetch-avoid", "fetch-reach", "ball-in-cup")
 """Tasks whose check takes more than ten seconds."""
 
 
