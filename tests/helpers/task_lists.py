@@ -10,9 +10,12 @@ TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if pl
 FIELD = ("cartpole-steady", "dwell", "either-or", "hopper", "lane", "lunar-lander", "patrol", "walker")
 WITHOUT_RECIPES = (
     *("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band", "fetch-avoid"),
-    *("quadrotor-gates", "quadrotor-patrol", "zones"),
+    *("quadrotor-gates", "quadrotor-patrol", "walker-band", "zones"),
 )
 """Tasks for which nobody made anything by hand but a controller."""
-ON_ENVIRONMENTS = ("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band", "hopper", "lane", "lunar-lander", "walker")
+ON_ENVIRONMENTS = (
+    *("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band", "hopper", "lane", "lunar-lander", "walker"),
+    "walker-band",
+)
 SYSTEMS = [name for name in TASKS if name not in ON_ENVIRONMENTS]
 PAPER = [name for name in TASKS if name not in (*FIELD, *WITHOUT_RECIPES)]
