@@ -10,7 +10,7 @@ TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if pl
 FIELD = ("cartpole-steady", "dwell", "either-or", "hopper", "lane", "lunar-lander", "patrol", "walker")
 WITHOUT_RECIPES = (
     *("ant-avoid", "ant-goals", "ant-patrol", "cheetah-band", "fetch-avoid"),
-    *("quadrotor-gates", "quadrotor-patrol", "walker-band", "zones"),
+    *("linear-chain", "panda-places", "quadrotor-gates", "quadrotor-patrol", "unicycle-choice", "walker-band", "zones"),
 )
 """Tasks for which nobody made anything by hand but a controller."""
 ON_ENVIRONMENTS = (

@@ -24,13 +24,16 @@ CONTROLLED = {
     "dwell": (0.4, 0.5),
     "fetch-avoid": (0.025, 0.05),
     "fetch-reach": (0.085, 0.1),
+    "linear-chain": (0.07, 0.4),
     "overlap": (0.19, 0.25),  # the passages are 0.5 m wide; a start at (1.3, 1) has 0.2
+    "panda-places": (0.01, 0.06),
     "patrol": (0.25, 0.5),
     "pendulum": (0.035, 0.05),  # a torque's step leaves omega up to 0.0133 off: 0.05 - 0.0133 - 0.0003
     "quadrotor-gates": (0.2, 0.4),
     "quadrotor-patrol": (0.3, 0.4),
     "reach-stay": (0.95, 1.0),
     "robot-nav": (1.95, 2.0),
+    "unicycle-choice": (0.39, 0.4),
     "zones": (0.15, 0.4),
 }
 """Task -> what its controller reaches from every start at least, and the most that the formula allows."""

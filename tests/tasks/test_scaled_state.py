@@ -24,7 +24,10 @@ SHOWN = {
     "dwell": ("x", "y", "heading"),
 }
 """The columns that the scaled state shows; all of the other tasks'."""
-WRAPPED = dict.fromkeys((*ROBOTS, "patrol", "dwell"), "heading") | {"cartpole": "theta", "zones": "phase"}
+WRAPPED = dict.fromkeys((*ROBOTS, "patrol", "dwell", "unicycle-choice"), "heading") | {
+    "cartpole": "theta",
+    "zones": "phase",
+}
 WRAPPED |= dict.fromkeys(("quadrotor-gates", "quadrotor-patrol"), "yaw")
 """The angle that is shown as its cosine and sine."""
 
