@@ -259,7 +259,6 @@ class BatchEnvironment:
         self._events[list(self._training.cuts)], self._events[horizon] = Event.CUT, Event.TIME_LIMIT
         self._nothing_follows = Event.OVER if method.can_end else Event.END
         self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
-        self._still = EarlyEnds(method, "hold")
         if (exploring := self._training.exploring) is not None and exploring.states is not None:
             self._exploring_states = ExploringStates(task, exploring.states, exploring.near)
         self._past = _Past(task, count) if any(end.where == UNSATISFIED for end in self._training.ends) else None
@@ -348,21 +347,21 @@ class BatchEnvironment:
             fixed, event[stopped] = fixed | stopped, Event.TIME_LIMIT
             if self._past is not None:
                 failed = self._past.failed(stopped, t)
-                self._pay_stopped(np.flatnonzero(failed), reward, self._still, self._past.first)
+                self._pay_stopped(np.flatnonzero(failed), reward, self._past.first)
                 event[failed] = self._nothing_follows
                 stopped &= ~failed
             if self.task.file.terminated != "interval":  # nobody knows what would follow: going on is worth the same
-                self._pay_stopped(np.flatnonzero(stopped), reward, self._early_ends)
+                self._pay_stopped(np.flatnonzero(stopped), reward)
                 event[stopped] = self._nothing_follows
         return _StepEnd(fixed, event)
 
-    def _pay_stopped(self, rows: Integers, reward: Array, ends: EarlyEnds, first: Array | None = None) -> None:
-        """Pay, in place, what the last sample is worth to the end, or the first sample (N, k) where that is less."""
-        simulator, method = self.simulator, self.simulator.method
+    def _pay_stopped(self, rows: Integers, reward: Array, first: Array | None = None) -> None:
+        """Pay, in place, the episodes that the world ended; those that failed have their first samples (N, k)."""
+        simulator, method, ends = self.simulator, self.simulator.method, self._early_ends
         for row in rows:
-            t, action, memory = int(simulator.t[row]), simulator.last_action[[row]], simulator.memory[[row]]
-            held = [simulator.signals[row], *(() if first is None else (first[row],))]
-            left = min(ends.sum_left(sample, action, t, memory) for sample in held) / method.scale
+            last, t = simulator.signals[row], int(simulator.t[row])
+            at = last, simulator.last_action[[row]], t, simulator.memory[[row]]
+            left = (ends.sum_left(*at) if first is None else ends.sum_failed(first[row], *at)) / method.scale
             # `OVER` counts once, so all that is left is paid now; `END` counts for ever, so it has the mean of a step
             reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
 

@@ -26,9 +26,8 @@ def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["viol
 class Ending(Entry):
     """An early end of a training episode, as if the least that the method pays (`floor`) were paid for ever after.
 
-    At `UNSATISFIED` the pay is that of a robot that stands still to step T: at the place of the episode's first sample,
-    or at that of its last where this pays less. A fall is never better than no attempt, and hardly worse. With the
-    floor, which belongs to the whole ranges, a robot learns to stand still before it can walk.
+    At `UNSATISFIED` it is nearly the pay of a robot that stands still to step T: at the place of the episode's first
+    sample, or at that of its last where this pays less. A small share of the way from there to the floor is taken off.
     """
 
     where: Annotated[stl.Formula | Literal["violation", "unsatisfied"], Read(_read_where)]
