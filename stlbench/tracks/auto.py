@@ -264,8 +264,8 @@ def _ends(task: Task) -> tuple[Ending, ...]:
     pays the floor. A long invariant lasts for half of the task or more. Another robot, as one that leaves a room, comes
     back: a punishment would keep it from goals near the walls.
 
-    If an environment ends an episode in violation, it is worth a little less than to stand still. Else a pole that falls
-    towards its goal is paid for its place to the end.
+    If an environment ends an episode in violation, it is worth a little less than standing still. Else a pole that
+    falls towards its goal is paid for its place to the end.
     """
     file = task.file
     if not isinstance(task.dynamics, System):
