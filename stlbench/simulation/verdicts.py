@@ -66,8 +66,8 @@ def last_steps(traces: Array) -> Integers:
 
 
 _FALL = 0.03
-"""A failed early end is paid less than standing still, by this share of the way to the floor. With 0, falling is
-as good as balancing. With 1, an ant learned to stand still, as the floor belongs to ranges far wider than its motion."""
+"""A failed early end is paid less than standing still, by this share of the way to the floor. With 0, falling is as
+good as balancing. With 1, an ant learned to stand still: the floor belongs to ranges far wider than its motion."""
 
 
 @dataclass(frozen=True)
