@@ -20,7 +20,7 @@ from stlbench.simulation.verdicts import EarlyEnds
 from stlbench.simulation.worlds import Moment, make_world, scaled_times, time_and_inputs
 from stlbench.stl import Formula
 from stlbench.task.entry import Region
-from stlbench.task.file import UNSATISFIED, VIOLATION, Near
+from stlbench.task.file import LOST, VIOLATION, Near
 from stlbench.task.starts import sampled_states
 from stlbench.task.task import Task
 
@@ -218,10 +218,10 @@ class _Taken(NamedTuple):
 
 
 class _Past:
-    """The samples of N episodes so far, from step 0 on, by which an early end violates the formula."""
+    """The samples of N episodes so far, from step 0 on, by which an episode is lost."""
 
     def __init__(self, task: Task, count: int) -> None:
-        self._formula, self._names, self._held = task.formula, task.signals, task.file.terminated == "hold"
+        self._formula, self._names = task.formula, task.signals
         self._samples: Array = np.empty((count, task.file.steps + 1, len(task.signals)))
 
     def begin(self, rows: Integers | slice, signals: Array) -> None:
@@ -233,18 +233,12 @@ class _Past:
         at = t[:, None] + np.arange(1 - samples.shape[1], 1)
         self._samples[np.arange(len(t))[:, None], at] = samples
 
-    @property
-    def first(self) -> Array:
-        """The samples (N, k) at step 0."""
-        return self._samples[:, 0]
-
-    def failed(self, ended: Truth, t: Integers) -> Truth:
-        """Those copies (N,) that ended at steps t (N,) and violate: with the last sample held, or by rule."""
-        failed, rows = ended.copy(), np.flatnonzero(ended)
-        if self._held:
-            held = np.minimum(np.arange(self._samples.shape[1]), t[rows, None])
-            failed[rows] = ~stl.satisfied(self._formula, self._samples[rows[:, None], held], self._names)
-        return failed
+    def lost(self, ended: Truth, t: Integers) -> Truth:
+        """Those copies (N,) that ended at steps t (N,) and violate with the last sample held."""
+        lost, rows = ended.copy(), np.flatnonzero(ended)
+        held = np.minimum(np.arange(self._samples.shape[1]), t[rows, None])
+        lost[rows] = ~stl.satisfied(self._formula, self._samples[rows[:, None], held], self._names)
+        return lost
 
 
 class BatchEnvironment:
@@ -261,7 +255,8 @@ class BatchEnvironment:
         self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
         if (exploring := self._training.exploring) is not None and exploring.states is not None:
             self._exploring_states = ExploringStates(task, exploring.states, exploring.near)
-        self._past = _Past(task, count) if any(end.where == UNSATISFIED for end in self._training.ends) else None
+        self._floor = method.floor / method.scale
+        self._past = _Past(task, count) if any(end.where == LOST for end in self._training.ends) else None
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self.taken, self.decisions = 0, task.file.decisions
@@ -346,22 +341,19 @@ class BatchEnvironment:
         if simulator.world.can_end and (stopped := simulator.world.ended & (event < Event.TIME_LIMIT)).any():
             fixed, event[stopped] = fixed | stopped, Event.TIME_LIMIT
             if self._past is not None:
-                failed = self._past.failed(stopped, t)
-                self._pay_stopped(np.flatnonzero(failed), reward, self._past.first)
-                event[failed] = self._nothing_follows
-                stopped &= ~failed
+                lost = self._past.lost(stopped, t)
+                reward[lost], event[lost] = self._floor, self._nothing_follows
+                stopped &= ~lost
             if self.task.file.terminated != "interval":  # nobody knows what would follow: going on is worth the same
                 self._pay_stopped(np.flatnonzero(stopped), reward)
                 event[stopped] = self._nothing_follows
         return _StepEnd(fixed, event)
 
-    def _pay_stopped(self, rows: Integers, reward: Array, first: Array | None = None) -> None:
-        """Pay, in place, the episodes that the world ended; those that failed have their first samples (N, k)."""
-        simulator, method, ends = self.simulator, self.simulator.method, self._early_ends
+    def _pay_stopped(self, rows: Integers, reward: Array) -> None:
+        simulator, method = self.simulator, self.simulator.method
         for row in rows:
-            last, t = simulator.signals[row], int(simulator.t[row])
-            at = last, simulator.last_action[[row]], t, simulator.memory[[row]]
-            left = (ends.sum_left(*at) if first is None else ends.sum_failed(first[row], *at)) / method.scale
+            t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
+            left = self._early_ends.sum_left(last, simulator.last_action[[row]], t, memory) / method.scale
             # `OVER` counts once, so all that is left is paid now; `END` counts for ever, so it has the mean of a step
             reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
 

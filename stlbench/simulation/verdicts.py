@@ -5,7 +5,7 @@ Unless the last sample stays (`hold`), traces have NaN after it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -65,11 +65,6 @@ def last_steps(traces: Array) -> Integers:
     return last
 
 
-_FALL = 0.03
-"""A failed early end is paid less than standing still, by this share of the way to the floor. With 0, falling is as
-good as balancing. With 1, an ant learned to stand still: the floor belongs to ranges far wider than its motion."""
-
-
 @dataclass(frozen=True)
 class EarlyEnds:
     """The pay of a method for an episode that its environment ends before step T."""
@@ -100,16 +95,6 @@ class EarlyEnds:
         samples = np.tile(last, (left + 1, 1, 1))
         rewards, _ = self.method.along(samples, action, np.array([t]), memory)
         return float(weights @ rewards[:, 0])
-
-    def sum_failed(self, first: Array, last: Array, action: Array, t: int, memory: Array) -> float:
-        """The pay of the steps after an early end that fails, at `training.ends: unsatisfied`; else as `sum_left`.
-
-        It is that of the episode's first sample (k,) held, or of its last where that is less, and a small share of the
-        way from there to the floor. So a fall is worse than no attempt, but an attempt is worth its risk.
-        """
-        held, floor = replace(self, terminated="hold"), replace(self, terminated="violated")
-        still = min(held.sum_left(sample, action, t, memory) for sample in (first, last))
-        return still + _FALL * (floor.sum_left(last, action, t, memory) - still)
 
     def standing_still(self, reward: Array, before: Truth, now: Truth, t: Integers, hold: int) -> Array:
         """Rewards (N,) of one decision to steps t (N,), where a copy that has ended stands still up to step T.
