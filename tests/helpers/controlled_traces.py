@@ -1,15 +1,19 @@
-"""What the tests of tasks have in common: the starts of the referee, and the traces of a task's hand controller."""
+"""What the tests of tasks have in common: starts of the referee, traces of a controller, and MuJoCo's own numbers."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
 from unittest.mock import patch
 
+import gymnasium
 import numpy as np
 import pytest
 
 from stlbench.contract import ActionGrid, Array, Integers
 from stlbench.simulation import referee
 from stlbench.simulation.baselines import record_controller
+from stlbench.simulation.worlds import make_world
 from stlbench.task.task import Task
 
 
@@ -52,3 +56,14 @@ def satisfying(task: Task, every: int) -> tuple[float, ...]:
 def all_starts(task: Task) -> Array:
     """The starts of the report and those of the selection: (2 * starts, n)."""
     return np.concatenate(task.starts.report_and_selection())
+
+
+def beside(task: Task, environment: gymnasium.Env[Any, Any]) -> Iterator[tuple[Array, Any]]:
+    """The task's signals (k,), and the data of MuJoCo in Gymnasium's own environment, after each of eight actions."""
+    environment.reset(seed=3)
+    world = make_world(task, 1)
+    world.restart(np.array([0]), np.array([[3.0]]))
+    for action in np.random.default_rng(0).uniform(-1, 1, (8, len(task.actions.low))):
+        environment.step(action.astype(np.float32))
+        samples = world.advance(action[None], 1)
+        yield samples[-1, 0], environment.unwrapped.data  # type: ignore[attr-defined]

@@ -7,11 +7,10 @@ from math import sin
 import gymnasium
 import numpy as np
 import pytest
-from helpers.controlled_traces import EVERY, satisfying
+from helpers.controlled_traces import EVERY, beside, satisfying
 
 from stlbench import stl
 from stlbench.contract import Array, GymTask
-from stlbench.simulation.worlds import make_world
 from stlbench.task import load_task
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
@@ -31,15 +30,8 @@ def test_the_source() -> None:
 
 def test_the_signals_are_the_models_own() -> None:
     """v is the torso's velocity and angle its lean: entries of MuJoCo's own velocities and positions."""
-    env = gymnasium.make("HalfCheetah-v5")
-    env.reset(seed=3)
-    world = make_world(TASK, 1)
-    world.restart(np.array([0]), np.array([[3.0]]))
-    for action in np.random.default_rng(0).uniform(-1, 1, (8, 6)):
-        env.step(action.astype(np.float32))
-        samples = world.advance(action[None], 1)
-        data = env.unwrapped.data  # type: ignore[attr-defined]
-        assert samples[-1, 0] == pytest.approx([data.qvel[0], data.qpos[2]])
+    for signals, data in beside(TASK, gymnasium.make("HalfCheetah-v5")):
+        assert signals == pytest.approx([data.qvel[0], data.qpos[2]])
 
 
 def running(v: Array) -> Array:

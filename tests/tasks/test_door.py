@@ -7,11 +7,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from helpers.controlled_traces import beside
 
 from stlbench import stl
 from stlbench.contract import GymTask
 from stlbench.simulation import baselines, referee
-from stlbench.simulation.worlds import make_world
 from stlbench.task import load_task
 
 pytest.importorskip("gymnasium_robotics", reason="the extra mujoco is not installed")
@@ -36,14 +36,8 @@ def test_the_source() -> None:
 
 def test_the_signals_are_the_models_own() -> None:
     """Door and latch are the angles of the last two of MuJoCo's joints."""
-    env = environment()
-    env.reset(seed=3)
-    world = make_world(TASK, 1)
-    world.restart(np.array([0]), np.array([[3.0]]))
-    for action in np.random.default_rng(0).uniform(-1, 1, (8, 28)):
-        env.step(action.astype(np.float32))
-        samples = world.advance(action[None], 1)
-        assert samples[-1, 0] == pytest.approx(env.unwrapped.data.qpos[-2:])  # type: ignore[attr-defined]
+    for signals, data in beside(TASK, environment()):
+        assert signals == pytest.approx(data.qpos[-2:])
 
 
 def test_robustness_by_hand() -> None:

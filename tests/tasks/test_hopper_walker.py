@@ -5,6 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
+from helpers.controlled_traces import beside
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -39,14 +40,8 @@ def test_the_signals_are_the_models_own(name: str) -> None:
     task = load_task(name)
     assert task.file.environment is not None
     environment = gymnasium.make(task.file.environment.id, **task.file.environment.kwargs)
-    environment.reset(seed=3)
-    world = make_world(task, 1)
-    world.restart(np.array([0]), np.array([[3.0]]))
-    for action in np.random.default_rng(0).uniform(-1, 1, (8, len(task.actions.low))):
-        environment.step(action.astype(np.float32))
-        samples = world.advance(action[None], 1)
-        data = environment.unwrapped.data
-        assert samples[-1, 0] == pytest.approx([data.qvel[0], data.qpos[1], data.qpos[2]])
+    for signals, data in beside(task, environment):
+        assert signals == pytest.approx([data.qvel[0], data.qpos[1], data.qpos[2]])
 
 
 @pytest.mark.parametrize("name", FORMULAS)
