@@ -96,7 +96,11 @@ def run_missing(study: Study, progress: Listener | None = None, until: Until | N
 def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
     """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
     recorded = [*results_folder.read(study.folder)] if results_folder.locate(study.folder) else []
-    ended = [result for result in recorded if result.status not in study.retry]
+    lost = set[CellId]()
+    if study.retry and (path := study.folder / LEDGER).is_file():
+        with Ledger(path, create=False) as ledger:
+            lost = {*ledger.given_up([cell.key for cell in cells], study.attempts)}
+    ended = [result for result in recorded if result.status not in study.retry or result.id in lost]
     done = {result.id if study.keep_old else result.key for result in ended}
     return [cell for cell in cells if (cell.id if study.keep_old else cell.key) not in done], recorded
 

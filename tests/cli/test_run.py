@@ -232,3 +232,10 @@ def test_a_dry_run_says_what_would_run_and_writes_nothing(run, say):
     more = run("toy-raw", "--seeds", "6", "--dry-run").stdout
     assert re.fullmatch(r"4 of 6 cells would run, 1 at a time, for about .+\n", more)
     assert {path: path.stat().st_mtime_ns for path in Path("results").rglob("*")} == before
+
+
+def test_a_dry_run_knows_which_cells_a_run_gives_up(run):
+    words = "toy-wrong", "--retry", "failed", "--attempts", "2"
+    for left in ("2 of 2 cells would run", "2 of 2 cells would run", "nothing would run: all 2 cells have a result"):
+        assert run(*words, "--dry-run").stdout.startswith(left)
+        run(*words)
