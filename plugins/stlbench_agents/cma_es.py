@@ -108,7 +108,7 @@ class CMAES(Agent):
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
         if isinstance(actions, ActionBox):
             return ActorPolicy.of(arrays, actions)
-        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
+        from stlbench_agents.q_policy import GreedyPolicy  # imports Numba, which parameters do not need
 
         return GreedyPolicy.of(arrays, actions.shape)
 
@@ -194,7 +194,7 @@ class Family:
 
     def _greedy(self, grid: ActionGrid, hidden: tuple[Any, Any], out: Array, rest: Array) -> Policy:
         """The nearest action of an axis has the greatest 2 a u - a^2, for the output u and an action a in [-1, 1]."""
-        from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+        from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 
         rows, biases = [np.zeros((1, out.shape[1]))], [np.zeros(1)]
         for i, axis in enumerate(map(np.array, grid.axes)):
@@ -234,7 +234,7 @@ def _layers(policy: Policy) -> Sequence[tuple[Any, Any]]:
     """Matrices (inputs, outputs) and biases of a policy's network."""
     if isinstance(policy, ActorPolicy):
         return policy.layers
-    from stlbench_agents.q_learner import GreedyPolicy
+    from stlbench_agents.q_policy import GreedyPolicy
 
     assert isinstance(policy, GreedyPolicy)
     *hidden, matrix, bias = policy.weights

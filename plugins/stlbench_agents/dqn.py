@@ -19,9 +19,11 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
 from stlbench_agents import training
+from stlbench_agents.policies import Graph, Head
 
 if TYPE_CHECKING:
-    from stlbench_agents.q_learner import GreedyPolicy, QLearner
+    from stlbench_agents.q_learner import QLearner
+    from stlbench_agents.q_policy import GreedyPolicy
 
 
 _RESUMED = 0.2
@@ -37,7 +39,7 @@ class DQN(training.DeepQ, training.LockStepAgent):
     `dqn[double=false,n_steps=1,tau=1,target_update_interval=1000,averaging=0,copies=1]`.
     """
 
-    head: training.Head = "joint"
+    head: Head = "joint"
     """`joint`: one output for each action. `additive`: V plus one term for each action axis, 35 outputs where joint
     has 273; of one axis, a dueling head (Wang et al. 2016)"""
     double: bool = True
@@ -203,15 +205,13 @@ class TeamPolicy(Policy):
         return {f"{i}.{name}": part for i, robot in enumerate(self.robots) for name, part in robot.arrays().items()}
 
     def onnx(self) -> bytes:
-        from stlbench_agents.policies import Graph
-
         graph = Graph()
         index = graph.joined([robot.index_in(graph) for robot in self.robots], self.sizes)
         return graph.model(self.robots[0].network.inputs, index, "index")
 
     @classmethod
     def of(cls, arrays: Arrays, grid: ActionGrid) -> TeamPolicy:
-        from stlbench_agents.q_learner import GreedyPolicy
+        from stlbench_agents.q_policy import GreedyPolicy
 
         own = [
             {name.removeprefix(f"{i}."): part for name, part in arrays.items() if name.startswith(f"{i}.")}

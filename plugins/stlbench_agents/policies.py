@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Array, Arrays, Policy, Unsuitable
-from stlbench_agents.training import need_onnx
 
 if TYPE_CHECKING:
     import torch
@@ -18,15 +19,32 @@ OPSET, _IR = 17, 8  # versions of ONNX of 2022, which all runtimes in use read
 _INPUT = "observation"
 
 
+Head = Literal["joint", "additive"]
+"""The meaning of a Q-network's outputs for actions (see `stlbench_agents.q_policy`)."""
+
+
+def need(module: str, title: str, extra: str) -> None:
+    """Raises `Unsuitable` if a package is not installed that the `extra` of stlbench installs."""
+    if find_spec(module) is None:
+        raise Unsuitable(f'it needs {title}: pip install "stlbench-rl[{extra}]"')
+
+
+def _need_onnx() -> Any:
+    """The package `onnx`, which is no import of this module: a cell's key does not depend on whether it is there."""
+    need("onnx", "ONNX", "onnx")
+    import_module("onnx.numpy_helper")
+    return import_module("onnx")
+
+
 def double() -> int:
-    return int(need_onnx().TensorProto.DOUBLE)
+    return int(_need_onnx().TensorProto.DOUBLE)
 
 
 class Graph:
     """A graph that is being built: each call adds a node and returns its output's name."""
 
     def __init__(self) -> None:
-        self._onnx = need_onnx()
+        self._onnx = _need_onnx()
         self._nodes: list[Any] = []
         self._constants: list[Any] = []
 

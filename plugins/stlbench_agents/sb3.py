@@ -14,7 +14,7 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Arrays, Cost, Environment, Policy, Training
 from stlbench_agents import training as shared
-from stlbench_agents.policies import ActorPolicy, linear_layers
+from stlbench_agents.policies import ActorPolicy, linear_layers, need
 
 if TYPE_CHECKING:
     from stable_baselines3 import DQN, PPO, SAC, TD3
@@ -26,7 +26,8 @@ class SB3Agent(shared.Learner):
     """An algorithm of SB3: the training that all have in common. Names and meanings of parameters are SB3's."""
 
     def __post_init__(self) -> None:
-        shared.need_sb3()
+        need("torch", "PyTorch", "sb3")
+        need("stable_baselines3", "Stable-Baselines3", "sb3")
 
     algorithm_name: ClassVar[str]
     takes_grid: ClassVar[bool] = False
@@ -159,7 +160,7 @@ class SB3DQN(shared.DeepQ, SB3OffPolicy):
         return super().options(environment) | {"target_update_interval": rounded_up}
 
     def exported(self, model: DQN, environment: Environment) -> Policy:
-        from stlbench_agents.q_learner import GreedyPolicy, QNetwork  # imports Numba, which parameters do not need
+        from stlbench_agents.q_policy import GreedyPolicy, QNetwork  # imports Numba, which parameters do not need
 
         *hidden, (matrix, bias) = linear_layers(model.q_net.q_net)
         size, grid = environment.observation_size, shared.grid_of(environment.actions).shape

@@ -10,11 +10,9 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import find_spec
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -85,26 +83,6 @@ def resumed_rate(recipe: Learner) -> float:
     return math.sqrt(recipe.learning_rate * recipe.learning_rate_final)
 
 
-def need_sb3() -> None:
-    _need("torch", "PyTorch")
-    _need("stable_baselines3", "Stable-Baselines3")
-
-
-def need_onnx() -> Any:
-    """The package `onnx`. Raises `Unsuitable` if it is not installed.
-
-    It is no import of this module, so that a cell's key does not depend on whether it is installed.
-    """
-    _need("onnx", "ONNX", "onnx")
-    import_module("onnx.numpy_helper")
-    return import_module("onnx")
-
-
-def _need(module: str, title: str, extra: str = "sb3") -> None:
-    if find_spec(module) is None:
-        raise Unsuitable(f'it needs {title}: pip install "stlbench-rl[{extra}]"')
-
-
 Share = Annotated[float, Field(ge=0, le=1)]
 ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
 Count = Annotated[int, Field(ge=1)]
@@ -113,8 +91,6 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
 """Widths of the hidden layers of a network."""
-Head = Literal["joint", "additive"]
-"""The meaning of a Q-network's outputs for actions (see `stlbench_agents.q_learner`)."""
 
 
 SHARED: Mapping[str, Any] = MappingProxyType({"net_arch": [128, 128], "gamma": 0.95})
@@ -175,7 +151,7 @@ class DeepQ(OffPolicy):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
+        from stlbench_agents.q_policy import GreedyPolicy  # imports Numba, which parameters do not need
 
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from stlbench.contract import Array, Integers, Truth, cached
-from stlbench_methods.counters import DONE, FAILED, Tables
+from stlbench_methods.counter_parts import DONE, FAILED, Tables
 
 
 @cached

@@ -22,7 +22,8 @@ from stlbench.records.result import NOT_RUN
 from stlbench.records.result_files import inside
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.report import Report, condense, groups_of, write
+from stlbench.report import Report, condense, groups_of
+from stlbench.report.files import write
 from stlbench.report.page import require, write_page
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Width, to_records

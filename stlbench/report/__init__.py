@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench.records import result_files, results_folder
+from stlbench.records import results_folder
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
@@ -18,11 +18,10 @@ from stlbench.report.tables.across import Field, aggregates_table, fields, impro
 from stlbench.report.tables.comparisons import Comparison, advice, answer_table, compare, comparisons_table, verdicts
 from stlbench.report.tables.rows import Group, group, missing_row, row, split, trained
 from stlbench.report.tables.sampled import groups_table, pairs_table
-from stlbench.report.tables.table import Table, Width, to_csv, to_latex, to_markdown
+from stlbench.report.tables.table import Table
 from stlbench.report.tables.yardsticks import Aligned, Known, align, alignment_table, best_known, controllers_table
 
 if TYPE_CHECKING:
-    from stlbench.report.figures.regions import Load
     from stlbench.tracks.references import References
 
 
@@ -125,7 +124,7 @@ class Report:
     @property
     def across(self) -> list[Table]:
         """The tables over several tasks, also those without a row."""
-        return [self.tables[name] for name in _ACROSS]
+        return [self.tables[name] for name in ACROSS]
 
     @property
     def circumstances(self) -> Table:
@@ -152,26 +151,5 @@ class Report:
         return Known(self.references, {task: value for task, value in best.items() if task in self._tasks})
 
 
-_ACROSS = ("aggregates", "improvement", "groups", "differences")
-
-
-def write(report: Report, folder: Path, load: Load, width: Width = "page") -> list[Path]:
-    """Write every table into `folder`, and every figure that has changed; the paths of all files.
-
-    report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone. There are no
-    files of the overview of one task, of aggregates below three, of groups without drawn tasks, and of alignment
-    without a plan. figures/ has a few figures of each task. Figures and LaTeX fit the `width`. `load` loads a task, for
-    the units of its axes. Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
-    """
-    from stlbench.report.figures.files import write_figures
-
-    figures = result_files.inside(folder / "figures", folder)
-    text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))
-    files = {"report.md": f"# stlbench report\n\n{text}"}
-    for name, table in report.tables.items():
-        if table.rows or name not in ("overview", *_ACROSS, "alignment"):
-            files[f"{name}.csv"] = to_csv(table)
-            if name != "cells":
-                files[f"{name}.tex"] = to_latex(table, width)
-    texts = [result_files.write(folder / name, text) for name, text in files.items()]
-    return [*texts, *write_figures(report, figures, load, width)]
+ACROSS = ("aggregates", "improvement", "groups", "differences")
+"""The names of the tables over several tasks."""

@@ -24,7 +24,7 @@ def make_world(task: Task, count: int, *, drawn: bool = False) -> World:
     if isinstance(dynamics, System):
         return SystemWorld(task, dynamics, count)
     if isinstance(dynamics, GymTask):
-        from stlbench.simulation.gymnasium.world import GymWorld  # imports Gymnasium, which most tasks do without
+        from stlbench.simulation.gym_world import GymWorld  # imports Gymnasium, which most tasks do without
 
         return GymWorld(dynamics, task.source, count, drawn=drawn)
     world: Any = dynamics.world(count)

@@ -19,7 +19,7 @@ from stlbench.records.array_files import read_policy
 from stlbench.records.result import LEARNED, MAIN, Result
 from stlbench.records.result_files import inside, write
 from stlbench.report import Report, condense
-from stlbench.report import write as write_report
+from stlbench.report.files import write as write_report
 from stlbench.report.page import Opening, require, write_page
 from stlbench.search.actor import Actor, of_cell, space_of
 from stlbench.search.certify import Claim, certify

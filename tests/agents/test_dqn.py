@@ -19,7 +19,7 @@ from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.dqn import DQN
-from stlbench_agents.q_learner import GreedyPolicy
+from stlbench_agents.q_policy import GreedyPolicy
 from stlbench_agents.training import Counterfactuals
 
 LINE = line(hold=2)

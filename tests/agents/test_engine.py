@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from stlbench_agents.engine import Network, QBuffers, additive_gradient, greedy_actions, joint_gradient
 from stlbench_agents.layers import Weights, adam, blend, clipping, step
-from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+from stlbench_agents.policies import Head
+from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 from stlbench_agents.replay import Batch
-from stlbench_agents.training import Head
 
 Floats = NDArray[Any]
 

@@ -14,7 +14,7 @@ from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN, DQNPerRobot, Team
-from stlbench_agents.q_learner import GreedyPolicy
+from stlbench_agents.q_policy import GreedyPolicy
 
 COPIES = 16
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stlbench.contract import ActionGrid, Unsuitable
-from stlbench_agents.q_learner import GreedyPolicy, QNetwork
-from stlbench_agents.training import Head
+from stlbench_agents.policies import Head
+from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 
 GRID = ActionGrid(("v", "w", "u"), ((-1.0, 0.0, 1.0, 2.0), (5.0, 7.0), (0.0, 1.0, 2.0)))
 """4 x 2 x 3 = 24 actions; index 6 i + 3 j + k, the last axis fastest."""

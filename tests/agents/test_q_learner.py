@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Event, Integers, Transition, Unsuitable
 from stlbench_agents.dqn import DQN
-from stlbench_agents.q_learner import GreedyPolicy, QLearner
-from stlbench_agents.training import Head
+from stlbench_agents.policies import Head
+from stlbench_agents.q_learner import QLearner
+from stlbench_agents.q_policy import GreedyPolicy
 
 GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 1.0)))
 INPUTS, ROWS = 4, 32

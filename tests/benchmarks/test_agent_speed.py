@@ -12,8 +12,9 @@ from benchmarks.conftest import Race
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN
+from stlbench_agents.policies import Head
 from stlbench_agents.q_learner import QLearner
-from stlbench_agents.training import Head, grid_of
+from stlbench_agents.training import grid_of
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="agent")
 

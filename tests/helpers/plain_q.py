@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from stlbench_agents.training import Head
+from stlbench_agents.policies import Head
 
 __all__ = ["Shape", "all_q", "gradient"]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stlbench import report
-from stlbench.report import Report
+from stlbench.report import Report, files
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Table, Width
 from stlbench.study.plugin_guard import load_guarded
@@ -22,4 +21,4 @@ def summary(
 def write(
     groups: Sequence[Group], references: Mapping[str, References], folder: Path, width: Width = "page"
 ) -> list[Path]:
-    return report.write(Report(groups, references), folder, load_guarded, width)
+    return files.write(Report(groups, references), folder, load_guarded, width)

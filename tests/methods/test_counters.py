@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Array, Unsuitable
 from stlbench.task import load_task
-from stlbench_methods.counters import DONE, FAILED, Counters
+from stlbench_methods.counter_parts import DONE, FAILED
+from stlbench_methods.counters import Counters
 
 X, XY, XYZ = ({name: (-1.0, 1.0) for name in names} for names in ("x", "xy", "xyz"))
 

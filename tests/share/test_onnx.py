@@ -18,7 +18,7 @@ from stlbench.records.observation import KEY, Observation
 from stlbench.share.onnx import load_onnx
 from stlbench_agents.dqn import TeamPolicy
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 
 SIZE = 5
 GENERATOR = np.random.default_rng(0)

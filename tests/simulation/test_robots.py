@@ -11,8 +11,8 @@ import pytest
 
 from stlbench.contract import Array, GymTask, World
 from stlbench.registry.choices import Choice
-from stlbench.simulation.gymnasium import world
-from stlbench.simulation.gymnasium.world import is_robot, robot_step
+from stlbench.simulation import gym_world
+from stlbench.simulation.gym_world import is_robot, robot_step
 from stlbench.simulation.worlds import make_world
 from stlbench.task.file import TaskFile
 from stlbench.task.gym_make import Gym, made
@@ -110,7 +110,7 @@ def test_worlds_of_robots_have_the_bits_of_worlds_by_the_environments_own_steps(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ours = list(played(name))
-    monkeypatch.setattr(world, "is_robot", lambda env: False)
+    monkeypatch.setattr(gym_world, "is_robot", lambda env: False)
     assert ours == list(played(name))
 
 

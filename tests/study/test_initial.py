@@ -14,7 +14,7 @@ from stlbench.study.cell import Cell
 from stlbench.study.initial import Initial, arrays_of, read
 from stlbench.study.plan import check_cells, plan_cells
 from stlbench.study.study import Study
-from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 
 GRID = (21, 13)  # of hold-disc
 

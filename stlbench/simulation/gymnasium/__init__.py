@@ -1,1 +1,1 @@
-"""The adapter to Gymnasium and PettingZoo: environments as worlds, tasks as environments, `stlbench.wrap`."""
+"""The adapter to Gymnasium and PettingZoo: tasks as environments, and `stlbench.wrap`."""
