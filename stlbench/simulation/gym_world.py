@@ -28,9 +28,8 @@ class GymWorld(World):
         self._last: list[tuple[Any, Mapping[str, Any]]] = [(None, {})] * count
         self.signals = np.zeros((count, len(source.signals)))
         self.ended, self.lived = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
-        # a class that reads signals or acts by hand may look at what `robot_step` leaves out of the info
-        self._robots = source.function is None and type(task).controller is GymTask.controller
-        self._robots = self._robots and all(map(is_robot, self._copies))
+        # a class that reads signals may look at what `robot_step` leaves out of the info
+        self._robots = source.function is None and all(map(is_robot, self._copies))
 
     def restart(self, rows: Integers, starts: Array) -> None:
         for row, seed in zip(rows.tolist(), starts[:, 0].tolist(), strict=True):
@@ -66,6 +65,7 @@ class GymWorld(World):
         return pictures
 
     def by_hand(self, t: Integers) -> Array | None:
+        self._robots = False  # a controller, too, may look at all of the info of the steps to come
         each = zip(self._last, t.tolist(), strict=True)
         actions = [self._task.controller(observation, info, at) for (observation, info), at in each]
         return None if any(action is None for action in actions) else np.array(actions, dtype=np.float64)

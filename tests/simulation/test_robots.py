@@ -131,11 +131,20 @@ class Steered(GymTask):
 def test_code_of_a_task_gets_all_of_the_info() -> None:
     action = np.full((1, 6), 0.5)
     told, steered = (make_world(task("HalfCheetah-v5", kind), 1) for kind in (Told(), Steered()))
-    for each in (told, steered):
-        begin(each, [0])
-        each.advance(action, 1)
+    begin(told, [0])
+    told.advance(action, 1)
     assert told.signals.tolist() == [[pytest.approx(-0.1 * 6 * 0.25)]]
+    begin(steered, [0])
+    assert steered.by_hand(np.array([0])) == pytest.approx(np.ones((1, 6)))
+    steered.advance(action, 1)
     assert steered.by_hand(np.array([1])) == pytest.approx(np.full((1, 6), -0.15))
+
+
+def test_a_task_with_a_controller_has_the_steps_of_a_robot_until_the_controller_acts() -> None:
+    steered = make_world(task("HalfCheetah-v5", Steered()), 1)
+    begin(steered, [0])
+    steered.advance(np.full((1, 6), 0.5), 1)
+    assert steered.by_hand(np.array([1])) == pytest.approx(np.ones((1, 6)))  # nobody has asked it before
 
 
 class Slower(gymnasium.Wrapper[Any, Any, Any, Any]):
