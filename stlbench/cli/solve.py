@@ -55,6 +55,7 @@ def solve(
             show_default="fresh networks",
         ),
     ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Another number is another try, with other seeds.")] = 0,
     executor: Annotated[str, typer.Option(metavar="NAME", help="Executor of the trainings.")] = LOCAL,
     jobs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Trainings at a time.", show_default="2, or 1 on one core")
@@ -92,6 +93,7 @@ def solve(
             time=time,
             terminated=terminated,
             start=start,
+            seed=seed,
             executor=executor,
             jobs=jobs,
             progress=True,

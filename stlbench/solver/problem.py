@@ -176,11 +176,13 @@ class Problem:
     """The arguments that make the environment."""
     start: str | None = None
     """The hash of the policy from which trainings start."""
+    seed: int = 0
+    """A try with other seeds, where not 0."""
 
     @property
     def facts(self) -> dict[str, Any]:
         """As `solve.json` has it."""
-        return {name: value for name, value in asdict(self).items() if name != "start" or value is not None}
+        return {name: value for name, value in asdict(self).items() if name not in ("start", "seed") or value}
 
 
 def content_of(problem: Problem, seconds: float | None = None) -> dict[str, Any]:

@@ -33,6 +33,8 @@ from stlbench.task.build import INIT
 
 _RUNG_RATIO = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
+_APART = 1000
+"""The distance of the seeds of one try from those of the next."""
 _DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE_SHARE = 0.1
@@ -101,6 +103,8 @@ class Trainer:
     jobs: int | None = None
     start: EarlierPolicy | None = None
     """The policy from which all trainings start."""
+    seed: int = 0
+    """The number of the try. Each has other seeds."""
 
     def train(
         self,
@@ -129,7 +133,7 @@ class Trainer:
                 tasks=[task],
                 methods=[each.method for each in who if (each.task, each.agent) == (task, agent)],
                 agents=[agent],
-                seeds=seeds,
+                seeds=[seed + _APART * self.seed for seed in seeds],
                 budget=budget,
                 track="auto",
                 init=init or (None if self.start is None else self.start.path),

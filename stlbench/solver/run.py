@@ -28,6 +28,8 @@ from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_make import blaming
 
 _TIMES = ("steps", "seconds")
+_TRIES = 1000
+"""The number of tries with seeds of their own."""
 
 
 def solve(
@@ -41,6 +43,7 @@ def solve(
     time: Literal["steps", "seconds"] | None = None,
     terminated: EarlyEnd | None = None,
     start: str | Path | None = None,
+    seed: int = 0,
     executor: str = LOCAL,
     jobs: int | None = None,
     progress: bool = False,
@@ -64,6 +67,7 @@ def solve(
         terminated: what it means that the environment ends an episode early, as in a task file; by the formula if None.
         start: folder of an earlier solution, of the same observations and actions. Trainings start from its policy,
             with the same method and agent.
+        seed: another number is another try, with other seeds of all trainings.
         executor: where trainings run, as for `run_study`.
         jobs: trainings at a time.
         progress: print on stderr how it goes on.
@@ -77,6 +81,8 @@ def solve(
             raise UsageError(f"{name}: unknown {value!r}{did_you_mean(str(value), known)}")
     if not minutes > 0:
         raise UsageError(f"minutes should be more than 0, got {minutes:g}")
+    if not isinstance(seed, int) or seed not in range(_TRIES):
+        raise UsageError(f"seed should be a whole number from 0 to {_TRIES - 1}, got {one_line(repr(seed))}")
     identifier, keywords = _identified(environment)
     if ":" in identifier:
         from_here()
@@ -91,7 +97,8 @@ def solve(
         note(f"== {text}; {duration(clock.left)} left" if clock.left else f"== {text}")
 
     begun = None if start is None else EarlierPolicy.of(Path(start))
-    problem = Problem(identifier, formula, texts, time, terminated, keywords, None if begun is None else begun.digest)
+    digest = None if begun is None else begun.digest
+    problem = Problem(identifier, formula, texts, time, terminated, keywords, digest, seed)
     folder = Path(into) if into is not None else _folder(problem)
     say(f"understanding {identifier}, in {folder}")
     with blaming(identifier):
@@ -101,7 +108,7 @@ def solve(
     if begun is not None:
         begun.check(workspace.task)
     workspace.begin(minutes)
-    trainer = Trainer(workspace, clock, say, progress, executor, jobs, begun)
+    trainer = Trainer(workspace, clock, say, progress, executor, jobs, begun, seed)
     try:
         winner = trainer.race()
         trained = trainer.improve(best_first(trainer.final(winner), [winner]))

@@ -21,7 +21,7 @@ from stlbench.solver.contestants import Contestant, again, along, best_first, co
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
-from stlbench.solver.workspace import TASK, workspace_of
+from stlbench.solver.workspace import TASK, is_of, workspace_of
 from stlbench.study.initial import read
 from stlbench.task import load_task
 from stlbench.tracks.auto import PATIENCE, automatic
@@ -113,10 +113,10 @@ def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: py
     assert Trainer(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
 
 
-def raced(minutes: float, jobs: int = 1) -> list[Result]:
+def raced(minutes: float, jobs: int = 1, seed: int = 0) -> list[Result]:
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(minutes)
-    trainer = Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=jobs)
+    trainer = Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=jobs, seed=seed)
     winner = trainer.race()
     return best_first(trainer.final(winner), [winner])
 
@@ -133,6 +133,16 @@ def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: 
         ("final", "raw", 201),
     ]
     assert [result.id.seed for result in trained] == [101, 201, 200]
+
+
+def test_another_try_has_other_seeds_and_a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {("raw", 2101): 1.0})
+    raced(30.0, seed=2)
+    assert [seed for *_, seed in played.cells] == [2100, 2100, 2101, 2101, 2200, 2201]
+    first, second = (Problem("CartPole-v1", FORMULA, seed=seed) for seed in (0, 2))
+    assert "seed" not in first.facts  # folders of before belong to the first try
+    assert is_of(first, Path("out"))
+    assert not is_of(second, Path("out"))
 
 
 def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,6 +65,7 @@ def say(*words: str) -> Any:
             "0.1 minutes are too short: a step of the environment takes 2",
         ),
         (["CartPole-v1", "F[0,20] x >= 2", "--minutes", "0.0001"], "minutes are too short"),
+        (["CartPole-v1", "F[0,20] x >= 2", "--seed", "-1"], "seed should be a whole number from 0 to 999, got -1"),
         (["CartPole-v1", "G[0,20] abs(thta) <= 1"], "no signal 'thta'; did you mean 'theta'"),
         (["CartPole-v1", FORMULA, "--signal", "z=obs[4]"], "the observation has obs[0] to obs[3]"),
         (["CartPole-v1", FORMULA, "--signal", "z"], "expected NAME=EXPRESSION"),
