@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ _PEERS = ("PPO", "SAC", "TD3", "DQN")
 
 
 class Race(NamedTuple):
-    """The time that one task took."""
+    """The time that one task took with one seed."""
 
     seconds: float  # CPU time until the first policy of `solve` that satisfies, or until it gave up
     whole: float  # until `solve` has certified and written everything
@@ -21,16 +21,24 @@ class Race(NamedTuple):
     peers: Mapping[str, Cell]
 
     @property
-    def times(self) -> tuple[str, float] | None:
-        """How many times the seconds of `solve` the fastest peer took; None if nobody learned, or without a peer.
-
-        The text is empty, or ">" or "<" if the peers, or `solve`, gave up before they had learned.
-        """
+    def times(self) -> Bound | None:
+        """How many times the seconds of `solve` the fastest peer took; None if nobody learned, or without a peer."""
         reached = [cell["cpu"] for cell in self.peers.values() if cell["reached"]]
         if not self.peers or not (self.learned or reached):
             return None
         fastest = min(reached or [cell["cpu"] for cell in self.peers.values()])
-        return "<" if not self.learned else "" if reached else ">", fastest / self.seconds
+        return Bound(fastest / self.seconds, "<" if not self.learned else "" if reached else ">")
+
+
+class Bound(NamedTuple):
+    """A number, or one that is greater or less."""
+
+    value: float
+    sign: str = ""
+    """Empty, or ">" or "<" where somebody gave up before."""
+
+    def text(self, form: str) -> str:
+        return f"{self.sign} {self.value:{form}}".lstrip()
 
 
 def race_of(cells: Mapping[str, Cell]) -> Race | None:
@@ -43,9 +51,9 @@ def race_of(cells: Mapping[str, Cell]) -> Race | None:
     return Race(before + tries[-1]["cpu"], before + tries[-1]["whole"], tries[-1]["reached"], peers)
 
 
-def cells(path: Path = CELLS) -> dict[str, dict[str, Cell]]:
-    """Task -> contestant -> its line; empty without the file. A peer has no `whole`."""
-    found = dict[str, dict[str, Cell]]()
+def cells(path: Path = CELLS) -> dict[str, dict[int, dict[str, Cell]]]:
+    """Task -> seed -> contestant -> its line; empty without the file. A peer has no `whole`."""
+    found = dict[str, dict[int, dict[str, Cell]]]()
     if path.is_file():
         with path.open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
@@ -54,8 +62,47 @@ def cells(path: Path = CELLS) -> dict[str, dict[str, Cell]]:
                     "whole": float(row["whole"] or 0),
                     "reached": row["reached"] == "True",
                 }
-                found.setdefault(row["task"], {})[row["contestant"]] = row | read
+                seeds = found.setdefault(row["task"], {})
+                seeds.setdefault(int(row["seed"]), {})[row["contestant"]] = row | read
     return found
+
+
+class Medians(NamedTuple):
+    """A task over its seeds: texts of the medians, each the greater one of the middle."""
+
+    seconds: str
+    whole: str
+    peers: Mapping[str, str]
+    times: str
+    seeds: int
+
+
+def medians(seeds: Mapping[int, Mapping[str, Cell]]) -> Medians:
+    """The medians of a task from seed -> contestant -> line. Who gave up took longer than all who did not."""
+    races = [race for each in seeds.values() if (race := race_of(each)) is not None]
+    names = [name for name in _PEERS if any(name in race.peers for race in races)]
+    seconds = _median(Bound(race.seconds, "" if race.learned else ">") for race in races)
+    times = [race.times for race in races if race.times is not None]
+    return Medians(
+        seconds=seconds.text(".0f"),
+        whole="" if seconds.sign else _median(Bound(race.whole) for race in races).text(".0f"),
+        peers={name: _of_peer([race.peers[name] for race in races if name in race.peers]) for name in names},
+        times=_median(times).text(".2g") if times else "",
+        seeds=len(races),
+    )
+
+
+def _of_peer(found: Sequence[Cell]) -> str:
+    """Its seconds; where most seeds gave up, also the best share that the median seed had."""
+    seconds = _median(Bound(cell["cpu"], "" if cell["reached"] else ">") for cell in found)
+    share = sorted(float(cell["best"]) for cell in found)[len(found) // 2]
+    return f"{seconds.text('.0f')} ({100 * share:.0f} %)" if seconds.sign else seconds.text(".0f")
+
+
+def _median(values: Iterable[Bound]) -> Bound:
+    """The middle one, the greater of two; what is greater than something is behind all others."""
+    ordered = sorted(values, key=lambda each: ("< >".index(each.sign or " "), each.value))
+    return ordered[len(ordered) // 2]
 
 
 def page() -> str:
@@ -64,19 +111,9 @@ def page() -> str:
         return "Not measured yet: `make bench PARTS=tests/benchmarks/test_solve.py`."
     head = f"| task | `solve` | and its certificate | {' | '.join(_PEERS)} | fastest peer / `solve` |"
     lines = [head, "|---|--:|--:|--:|--:|--:|--:|--:|"]
-    for task, contestants in tasks.items():
-        if (race := race_of(contestants)) is not None:
-            ours = [f"{race.seconds:.0f}", f"{race.whole:.0f}"] if race.learned else [f"> {race.seconds:.0f}", ""]
-            peers = [_seconds(race.peers[name]) if name in race.peers else "" for name in _PEERS]
-            lines.append(f"| {' | '.join([task, *ours, *peers, times_text(race)])} |")
+    for task, seeds in tasks.items():
+        if any(race_of(each) for each in seeds.values()):
+            found = medians(seeds)
+            peers = [found.peers.get(name, "") for name in _PEERS]
+            lines.append(f"| {' | '.join([task, found.seconds, found.whole, *peers, found.times])} |")
     return "\n".join(lines)
-
-
-def times_text(race: Race) -> str:
-    """ "2.3", "> 4.1", or an empty text."""
-    sign, times = race.times or ("", None)
-    return "" if times is None else f"{sign} {times:.2g}".lstrip()
-
-
-def _seconds(cell: Cell) -> str:
-    return f"{cell['cpu']:.0f}" if cell["reached"] else f"> {cell['cpu']:.0f} ({100 * float(cell['best']):.0f} %)"

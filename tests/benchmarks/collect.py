@@ -24,6 +24,7 @@ CHART = Path("figures/reward-cost")
 METHODS = ("funnel", "flag", "tau_mdp", "raw")
 PEERS = ("jax", "optax", "sbx-rl", "stable-baselines3", "torch", "sentil", "mstlo-python", "tidystl", "rtamt", "stlrom")
 RACED = ("pendulum", "cartpole", "mountain-car", "reach-stay", "patrol", "hopper")
+RACED += ("cartpole-chain", "pendulum-chain", "mountain-car-chain")
 FORMULAS = {"three-term conjunction": "conjunction", "F G": "nested", "timed until": "until"}
 
 Figure = float | str | None

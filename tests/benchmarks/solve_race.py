@@ -70,6 +70,12 @@ class Entry:
         return [self.environment, *formula, *(["--signal", self.signal] if self.signal else [])]
 
 
+def _chain(first: str, second: str, within: int) -> tuple[str, str]:
+    """A chain looked at from its end, as rtamt computes it at each step; and its first part, which is never less, as
+    the observation has to show whether it was met."""
+    return f"once[0,{2 * within}](({second}) and once[0,{within}]({first}))", f"once[0,{2 * within}]({first})"
+
+
 ENTRIES = {
     "pendulum": Entry(
         "Pendulum-v1",
@@ -95,6 +101,33 @@ ENTRIES = {
         ("position",),
         200,
         ("once[0,200](position >= 0.45)",),
+        read=lambda observation, info: observation[0],
+    ),
+    "cartpole-chain": Entry(
+        "CartPole-v1",
+        "F[0,150] (x >= 0.3 & F[0,150] x <= -0.3)",
+        ("x",),
+        300,
+        _chain("x >= 0.3", "x <= -0.3", 150),
+        peers=("PPO", "DQN"),
+        read=lambda observation, info: observation[0],
+    ),
+    "pendulum-chain": Entry(
+        "Pendulum-v1",
+        "F[0,80] (abs(theta) <= 0.3 & F[0,80] abs(omega) >= 6)",
+        ("theta", "omega"),
+        160,
+        _chain("abs(theta) <= 0.3", "abs(omega) >= 6", 80),
+        signal="theta=atan2(y, x)",
+        read=lambda observation, info: (math.atan2(observation[1], observation[0]), observation[2]),
+    ),
+    "mountain-car-chain": Entry(
+        "MountainCar-v0",
+        "F[0,80] (position <= -0.8 & F[0,80] position >= 0.3)",
+        ("position",),
+        160,
+        _chain("position <= -0.8", "position >= 0.3", 80),
+        peers=("PPO", "DQN"),
         read=lambda observation, info: observation[0],
     ),
     "reach-stay": Entry("reach-stay", None, ("x", "y"), 80, (f"{_DISTANCE} <= 1",), peers=("PPO", "DQN")),

@@ -36,41 +36,42 @@ LIMIT, LEAST, TIMES = 300.0, 60.0, 10
 PATH = os.pathsep.join(["tests", "tests/benchmarks/cpu_clock"])
 """The minutes of `solve` are CPU minutes, as other programs may run beside."""
 _LOOK = 0.2  # seconds between looks for a training that has ended
-SEED = 0
-_PEERS = [(task, peer) for task, entry in ENTRIES.items() for peer in entry.peers]
+SEEDS = range(5)
 Cell = dict[str, Any]
 
 
-_FIRST, _LAST = ([(task, f"solve-{minutes}") for task in ENTRIES] for minutes in MINUTES)
+_FIRST, _LAST = (f"solve-{minutes}" for minutes in MINUTES)
 
 
-@pytest.mark.parametrize(("task", "contestant"), [*_FIRST, *_PEERS, *_LAST])
-def test_solve(race: Race, task: str, contestant: str) -> None:
-    """One cell; the last of a task's notes the figures of all."""
-    cells = _cells(task)
-    last = contestant == f"solve-{MINUTES[1]}"
-    if contestant not in cells and not (last and cells[f"solve-{MINUTES[0]}"]["reached"]):
-        cells[contestant] = _measured(task, contestant)
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("task", ENTRIES)
+def test_solve(race: Race, task: str, seed: int) -> None:
+    """The cells of a task and a seed; the last seed's notes the figures of all."""
+    known = _cells(task, seed)
+    for contestant in (_FIRST, *ENTRIES[task].peers, _LAST):
+        if contestant not in known and not (contestant == _LAST and known[_FIRST]["reached"]):
+            known[contestant] = _measured(task, contestant, seed)
     race.run(lambda: None, {}, turns=1)
-    if last:
-        race.note(**_figures(f"solve_race_{task.replace('-', '_')}", cells))
+    if seed == SEEDS[-1]:
+        race.note(**_figures(f"solve_race_{task.replace('-', '_')}", load("race").cells(CELLS)[task]))
 
 
-def _cells(task: str) -> dict[str, Cell]:
-    return load("race").cells(CELLS).get(task, {})
+def _cells(task: str, seed: int) -> dict[str, Cell]:
+    return load("race").cells(CELLS).get(task, {}).get(seed, {})
 
 
-def _measured(task: str, contestant: str) -> Cell:
+def _measured(task: str, contestant: str, seed: int) -> Cell:
     """Run a contestant, and write its line."""
     name, _, minutes = contestant.partition("-")
+    place = FOLDERS / f"{task}-{seed}"
+    log = place.with_name(f"{place.name}-{contestant}.log")
     if name == "solve":
-        folder, entry = FOLDERS / task, ENTRIES[task]
-        given = ["--minutes", minutes, "--jobs", "1", "--into", str(folder)]
-        log = FOLDERS / f"{task}-{contestant}.log"
-        facts = _solved(task, [sys.executable, "-m", "stlbench", "solve", *entry.words, *given], folder, log)
+        given = ["--minutes", minutes, "--jobs", "1", "--seed", str(seed), "--into", str(place)]
+        words = [sys.executable, "-m", "stlbench", "solve", *ENTRIES[task].words, *given]
+        facts = _solved(task, words, place, log)
     else:
-        facts = _answer([task, name, str(SEED), str(_limit(task))], FOLDERS / f"{task}-{contestant}.json")
-    cell = {"task": task, "contestant": contestant, "seed": SEED, **facts}
+        facts = _answer([task, name, str(seed), str(_limit(task, seed))], log.with_suffix(".json"))
+    cell = {"task": task, "contestant": contestant, "seed": seed, **facts}
     load("row_by_row").add(CELLS, COLUMNS, [cell])
     return cell
 
@@ -108,9 +109,9 @@ def _cpu(process: psutil.Process) -> float:
     return float(sum(each.user + each.system + each.children_user + each.children_system for each in times))
 
 
-def _limit(task: str) -> float:
+def _limit(task: str, seed: int) -> float:
     """CPU seconds of a peer on a task. `solve` comes first."""
-    return min(LIMIT, max(LEAST, TIMES * _cells(task)[f"solve-{MINUTES[0]}"]["cpu"]))
+    return min(LIMIT, max(LEAST, TIMES * _cells(task, seed)[_FIRST]["cpu"]))
 
 
 def _answer(words: list[str], path: Path) -> Cell:
@@ -124,13 +125,8 @@ def _answer(words: list[str], path: Path) -> Cell:
     return answer
 
 
-def _figures(name: str, cells: dict[str, Cell]) -> dict[str, float | str]:
-    """Seconds of `solve` and of each peer, and how many times ours the fastest peer took; a text where not reached."""
-    found = load("race").race_of(cells)
-    figures: dict[str, float | str] = {f"{name}_solve": found.seconds if found.learned else f"> {found.seconds:.0f}"}
-    for peer, cell in found.peers.items():
-        figures[f"{name}_{peer}"] = cell["cpu"] if cell["reached"] else f"> {cell['cpu']:.0f}"
-    if found.times is not None:
-        sign, times = found.times
-        figures[f"{name}_times"] = f"{sign} {times:.2g}" if sign else times
-    return figures
+def _figures(name: str, seeds: dict[int, dict[str, Cell]]) -> dict[str, str]:
+    """Median seconds of `solve` and of each peer, and how many times ours the fastest peer took."""
+    shown = load("race").medians(seeds)
+    peers = {f"{name}_{peer}": seconds for peer, seconds in shown.peers.items()}
+    return {f"{name}_solve": shown.seconds, **peers, f"{name}_times": shown.times}
