@@ -20,7 +20,7 @@ from stlbench.simulation.verdicts import EarlyEnds
 from stlbench.simulation.worlds import Moment, make_world, scaled_times, time_and_inputs
 from stlbench.stl import Formula
 from stlbench.task.entry import Region
-from stlbench.task.file import UNSATISFIED, VIOLATION, Near
+from stlbench.task.file import LOST, VIOLATION, Near
 from stlbench.task.starts import sampled_states
 from stlbench.task.task import Task
 
@@ -217,36 +217,11 @@ class _Taken(NamedTuple):
     end: _StepEnd
 
 
-_LOOKED, _FALL = 8, 0.01
-"""Starts at which a robot stands still; and a share of the way from its pay to the floor, which a fall costs. With 0,
-falling was as good as balancing. With 1, an ant stood still: the floor belongs to ranges far wider than its motion."""
-
-
-def failed_pay(task: Task, method: RewardMethod) -> Array:
-    """The pay (T + 1,) for the steps after step t of an episode that the environment ended in violation.
-
-    It is a little less than a robot is paid there that stands still at its start, in the mean over some starts. Where
-    standing still satisfies, it is the method's floor.
-    """
-    horizon, world = task.file.steps, make_world(task, _LOOKED)
-    world.restart(np.arange(_LOOKED), task.starts.of_training(np.random.default_rng(0), _LOOKED))
-    samples, t = np.tile(world.signals, (horizon + 1, 1, 1)), np.zeros(_LOOKED, dtype=np.int64)
-    left = np.arange(horizon, -1, -1)
-    floor: Array = method.floor * (left.clip(max=1) if method.can_end else left).astype(np.float64)
-    if stl.satisfied(task.formula, samples.swapaxes(0, 1), task.signals).any():
-        return floor
-    action = np.zeros((_LOOKED, len(task.actions.names)))
-    rewards, _ = method.along(samples, action, t, method.initial_memory(samples[0], t))
-    still = np.append(np.cumsum(rewards.mean(axis=1)[::-1])[::-1], 0.0)
-    paid: Array = still + _FALL * (floor - still)
-    return paid
-
-
 class _Past:
-    """The samples of N episodes so far, from step 0 on, by which an early end violates the formula."""
+    """The samples of N episodes so far, from step 0 on, by which an episode is lost."""
 
     def __init__(self, task: Task, count: int) -> None:
-        self._formula, self._names, self._held = task.formula, task.signals, task.file.terminated == "hold"
+        self._formula, self._names = task.formula, task.signals
         self._samples: Array = np.empty((count, task.file.steps + 1, len(task.signals)))
 
     def begin(self, rows: Integers | slice, signals: Array) -> None:
@@ -258,13 +233,12 @@ class _Past:
         at = t[:, None] + np.arange(1 - samples.shape[1], 1)
         self._samples[np.arange(len(t))[:, None], at] = samples
 
-    def failed(self, ended: Truth, t: Integers) -> Truth:
-        """Those copies (N,) that ended at steps t (N,) and violate: with the last sample held, or by rule."""
-        failed, rows = ended.copy(), np.flatnonzero(ended)
-        if self._held:
-            held = np.minimum(np.arange(self._samples.shape[1]), t[rows, None])
-            failed[rows] = ~stl.satisfied(self._formula, self._samples[rows[:, None], held], self._names)
-        return failed
+    def lost(self, ended: Truth, t: Integers) -> Truth:
+        """Those copies (N,) that ended at steps t (N,) and violate with the last sample held."""
+        lost, rows = ended.copy(), np.flatnonzero(ended)
+        held = np.minimum(np.arange(self._samples.shape[1]), t[rows, None])
+        lost[rows] = ~stl.satisfied(self._formula, self._samples[rows[:, None], held], self._names)
+        return lost
 
 
 class BatchEnvironment:
@@ -281,9 +255,8 @@ class BatchEnvironment:
         self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
         if (exploring := self._training.exploring) is not None and exploring.states is not None:
             self._exploring_states = ExploringStates(task, exploring.states, exploring.near)
-        self._past = None
-        if any(end.where == UNSATISFIED for end in self._training.ends):
-            self._past, self._failed = _Past(task, count), failed_pay(task, method)
+        self._floor = method.floor / method.scale
+        self._past = _Past(task, count) if any(end.where == LOST for end in self._training.ends) else None
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self.taken, self.decisions = 0, task.file.decisions
@@ -368,30 +341,21 @@ class BatchEnvironment:
         if simulator.world.can_end and (stopped := simulator.world.ended & (event < Event.TIME_LIMIT)).any():
             fixed, event[stopped] = fixed | stopped, Event.TIME_LIMIT
             if self._past is not None:
-                failed = self._past.failed(stopped, t)
-                self._pay(np.flatnonzero(failed), reward, self._failed[t[failed]])
-                event[failed] = self._nothing_follows
-                stopped &= ~failed
+                lost = self._past.lost(stopped, t)
+                reward[lost], event[lost] = self._floor, self._nothing_follows
+                stopped &= ~lost
             if self.task.file.terminated != "interval":  # nobody knows what would follow: going on is worth the same
-                rows = np.flatnonzero(stopped)
-                self._pay(rows, reward, [self._left(int(row)) for row in rows])
+                self._pay_stopped(np.flatnonzero(stopped), reward)
                 event[stopped] = self._nothing_follows
         return _StepEnd(fixed, event)
 
-    def _left(self, row: int) -> float:
-        """The pay for the steps that are left of an episode that the world ended, in the method's unit."""
-        simulator, t = self.simulator, int(self.simulator.t[row])
-        return self._early_ends.sum_left(
-            simulator.signals[row], simulator.last_action[[row]], t, simulator.memory[[row]]
-        )
-
-    def _pay(self, rows: Integers, reward: Array, left: Sequence[float] | Array) -> None:
-        """Pay, in place, for the steps that are left of some episodes."""
+    def _pay_stopped(self, rows: Integers, reward: Array) -> None:
         simulator, method = self.simulator, self.simulator.method
-        for row, each in zip(rows, np.asarray(left) / method.scale, strict=True):
+        for row in rows:
+            t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
+            left = self._early_ends.sum_left(last, simulator.last_action[[row]], t, memory) / method.scale
             # `OVER` counts once, so all that is left is paid now; `END` counts for ever, so it has the mean of a step
-            steps = simulator.horizon - int(simulator.t[row])
-            reward[row] = reward[row] + each / self.hold if method.can_end else each / steps
+            reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
 
     def _outcome(self, memory: Array, end: _StepEnd) -> NDArray[np.int8]:
         """The events (N,) of a step to these memories (N, m) of the method."""

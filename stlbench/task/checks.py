@@ -11,7 +11,7 @@ from stlbench import stl
 from stlbench.errors import did_you_mean
 from stlbench.records.result import MAIN, RANDOM
 from stlbench.task.entry import Parts, Timing
-from stlbench.task.file import UNSATISFIED, VIOLATION
+from stlbench.task.file import LOST, VIOLATION
 
 
 def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
@@ -130,9 +130,9 @@ def _ends(parts: Parts, timing: Timing) -> Iterator[str]:
         if where == VIOLATION and timing.known:
             rewarded = parts.get("rewarded")
             yield from _not_violable(place, parts.get("formula") if rewarded is None else rewarded)
-        elif where == UNSATISFIED and parts.get("terminated", "hold") == "interval":
-            yield f"{place}: '{UNSATISFIED}' needs a verdict on early ends, with `terminated: hold` or `violated`"
-        elif where not in (None, VIOLATION, UNSATISFIED):
+        elif where == LOST and parts.get("terminated", "hold") != "hold":
+            yield f"{place}: '{LOST}' is of episodes whose last sample is held, with `terminated: hold`"
+        elif where not in (None, VIOLATION, LOST):
             yield from _unknown(place, "signal", where, parts.get("signals"))
 
 

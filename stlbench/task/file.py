@@ -15,24 +15,20 @@ from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Pos
 
 VIOLATION: Literal["violation"] = "violation"
 """The condition that a term G[a,b] psi of the formula is violated."""
-UNSATISFIED: Literal["unsatisfied"] = "unsatisfied"
-"""The condition that the environment ended the episode, and that this violates the formula."""
+LOST: Literal["lost"] = "lost"
+"""The condition that the environment ended the episode, and that the formula is violated with the last sample held."""
 
 
-def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation", "unsatisfied"]:
-    return value if value in (VIOLATION, UNSATISFIED) else read_point_formula(value, info)
+def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation", "lost"]:
+    return value if value in (VIOLATION, LOST) else read_point_formula(value, info)
 
 
 class Ending(Entry):
-    """An early end of a training episode, as if the least that the method pays (`floor`) were paid for ever after.
+    """An early end of a training episode, as if the least that the method pays (`floor`) were paid for ever after."""
 
-    At `UNSATISFIED` the pay is a little less than that of a robot that stands still at its start to step T, unless this
-    satisfies the formula.
-    """
-
-    where: Annotated[stl.Formula | Literal["violation", "unsatisfied"], Read(_read_where)]
-    """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`; or
-    `UNSATISFIED`."""
+    where: Annotated[stl.Formula | Literal["violation", "lost"], Read(_read_where)]
+    """A formula without temporal operators over the signals, such as of a pole that fell; `VIOLATION`; or `LOST`: the
+    environment ended the episode, and with the last sample held the formula is violated."""
 
 
 class Near(Entry):

@@ -28,7 +28,7 @@ from stlbench.simulation.worlds import make_world
 from stlbench.stl import Formula, fragment
 from stlbench.task.derived import can_fall, derived
 from stlbench.task.entry import Region
-from stlbench.task.file import UNSATISFIED, Budget, Ending, Exploring, TaskFile, TrainingEpisodes
+from stlbench.task.file import LOST, Budget, Ending, Exploring, TaskFile, TrainingEpisodes
 from stlbench.task.forms import Window, normal_form, recurring, windows
 from stlbench.task.starts import sample
 from stlbench.task.task import Task
@@ -258,18 +258,18 @@ def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
 
 
 def _ends(task: Task) -> tuple[Ending, ...]:
-    """The conditions that end training episodes early.
+    """The conditions that end training episodes early, which pays the floor.
 
-    A robot that can fall ends an episode when a signal leaves its range, if a long invariant reads that signal. This
-    pays the floor. A long invariant lasts for half of the task or more. Another robot, as one that leaves a room, comes
-    back: a punishment would keep it from goals near the walls.
+    A robot that can fall ends an episode when a signal leaves its range, if a long invariant reads that signal. A long
+    invariant lasts for half of the task or more. Another robot, as one that leaves a room, comes back: a punishment
+    would keep it from goals near the walls.
 
-    If an environment ends an episode in violation, it is worth a little less than standing still. Else a pole that
-    falls towards its goal is paid for its place to the end.
+    An environment that ends episodes itself pays the floor if the formula is lost with the last sample held. Otherwise
+    a pole that falls towards its goal is paid for its place to the end.
     """
     file = task.file
     if not isinstance(task.dynamics, System):
-        return (Ending.model_validate({"where": UNSATISFIED}),) if file.terminated == "hold" else ()
+        return (Ending.model_validate({"where": LOST}),) if file.terminated == "hold" else ()
     if not can_fall(file.followed, file.box):
         return ()
     long = [window for window in windows(file.followed) if window.invariant and 2 * window.end >= file.steps]

@@ -104,7 +104,7 @@ class TestMessages:
             (ends("violation", reward=-1), "training.ends.0.reward: there is no such key; there are: where"),
             (ends("G[0,1] x <= 1"), f"training.ends.0.where: {PLAIN}, got G[0,1] x <= 1"),
             ({"formula": "F[0,4] x >= 1"} | ends("violation"), "training.ends.0.where: 'violation' is of a term G"),
-            ({"terminated": "interval"} | ends("unsatisfied"), "training.ends.0.where: 'unsatisfied' needs a verdict"),
+            ({"terminated": "violated"} | ends("lost"), "training.ends.0.where: 'lost' is of episodes whose last"),
             ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
             ({"actions": {"v": UNIT | {"count": 2}, "w": UNIT}}, "actions: give each axis a count, for a grid, or"),
         ],
