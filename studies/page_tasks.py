@@ -18,6 +18,11 @@ def auto_field() -> str:
     return _by_rules("auto-field", ("funnel", "raw", "flag"))
 
 
+def robots() -> str:
+    """The same for robots on which people publish."""
+    return _by_rules("robots", ("funnel", "raw"))
+
+
 def _by_rules(folder: str, methods: tuple[str, ...]) -> str:
     found = {(row["task"], row["method"]): row for row in recorded.table(folder, "robustness")}
     body = [

@@ -61,6 +61,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/reference/tasks.md": {
         "field": page_tasks.field,
+        "robots": page_tasks.robots,
     },
     "paper/paper.md": {
         "scope": joss.scope,
