@@ -15,6 +15,7 @@ from stlbench.gate.snapshot import Sample, Snapshot, gather, load, sample, save
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result
+from stlbench.report.tables.table import to_csv
 
 HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
 HEADER += ",reward_nanoseconds\n"
@@ -33,7 +34,7 @@ def results() -> list[Result]:
 
 
 def _write_table(folder: Path, groups: Sequence[report.Group]) -> None:
-    (folder / "cells.csv").write_text(report.to_csv(report.Report(groups, {}).tables["cells"]))
+    (folder / "cells.csv").write_text(to_csv(report.Report(groups, {}).tables["cells"]))
 
 
 def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
