@@ -74,7 +74,6 @@ class Medians(NamedTuple):
     whole: str
     peers: Mapping[str, str]
     times: str
-    seeds: int
 
 
 def medians(seeds: Mapping[int, Mapping[str, Cell]]) -> Medians:
@@ -88,7 +87,6 @@ def medians(seeds: Mapping[int, Mapping[str, Cell]]) -> Medians:
         whole="" if seconds.sign else _median(Bound(race.whole) for race in races).text(".0f"),
         peers={name: _of_peer([race.peers[name] for race in races if name in race.peers]) for name in names},
         times=_median(times).text(".2g") if times else "",
-        seeds=len(races),
     )
 
 

@@ -96,13 +96,12 @@ def run_missing(study: Study, progress: Listener | None = None, until: Until | N
 def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
     """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
     recorded = [*results_folder.read(study.folder)] if results_folder.locate(study.folder) else []
-    lost = set[CellId]()
-    if study.retry and (path := study.folder / LEDGER).is_file():
+    ended = [result for result in recorded if result.status not in study.retry]
+    finished, kept = {result.key for result in ended}, {result.id for result in ended} if study.keep_old else ()
+    if (path := study.folder / LEDGER).is_file():  # it knows more than its results: what is given up
         with Ledger(path, create=False) as ledger:
-            lost = {*ledger.given_up([cell.key for cell in cells], study.attempts)}
-    ended = [result for result in recorded if result.status not in study.retry or result.id in lost]
-    done = {result.id if study.keep_old else result.key for result in ended}
-    return [cell for cell in cells if (cell.id if study.keep_old else cell.key) not in done], recorded
+            finished = ledger.finished((cell.key for cell in cells), study.retry, study.attempts)
+    return [cell for cell in cells if cell.key not in finished and cell.id not in kept], recorded
 
 
 def run_cells(
