@@ -1,8 +1,8 @@
 """The gallery of tasks: `python studies/gallery.py` films each, and writes docs/gallery.md.
 
-`python studies/gallery.py hopper --results DIR` films one task again. A task without a controller is acted by the best
-stored policy of that folder of results, or else at random. `--page` writes the page alone, from the films that are
-there.
+Controllers act, and actions are random where there is none. `python studies/gallery.py hopper --results DIR` films one
+task again; the best stored policy of that folder of results acts. `--into FOLDER` keeps films elsewhere, and writes no
+page: `docs/figures/robots` has those of the page Robots. `--page` writes the page alone, from the films that are there.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from stlbench.task import Task, load_task
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "figures" / "gallery"
 PAGE = ROOT / "docs" / "gallery.md"
-FILMED = FOLDER / "films.json"
+FILMED = "films.json"
 WIDTH = 480
 """Pixels of a film."""
 STARTS = 16
@@ -79,16 +79,20 @@ def tasks() -> list[str]:
 
 
 def actor(name: str, results: Path | None) -> Actor:
-    """The task's controller by hand; where there is none, the best stored policy of a folder, or actions at random."""
+    """The best stored policy of a folder of results; without one the task's controller, or actions at random."""
     task = load_task(name)
+    if results is not None:
+        return _best(task, results)
     unpaid = Unpaid(task.specification)
     first = Simulator(task, unpaid)
     first.reset(task.starts.report_and_selection()[0][:1])
     if first.world.by_hand(first.t) is not None:
         return Actor(task, unpaid, _by_hand(task), "by hand")
-    if results is None:
-        return Actor(task, unpaid, _at_random(task), "at random")
-    kept = [each for each in Results.load(results) if each.id.task.name == name and each.measurement]
+    return Actor(task, unpaid, _at_random(task), "at random")
+
+
+def _best(task: Task, results: Path) -> Actor:
+    kept = [each for each in Results.load(results) if each.id.task.name == task.name and each.measurement]
     best = max(kept, key=lambda each: reported(each.measurement.selected).mean)
     found = load_policy(results, best)
     policy = found.policy
@@ -126,7 +130,7 @@ class Camera:
         return pictures
 
 
-def shoot(name: str, results: Path | None) -> Filmed:
+def shoot(name: str, results: Path | None, folder: Path) -> Filmed:
     """Film the start whose robustness is the median of some of the report's."""
     of = actor(name, results)
     task, every = of.task, of.task.starts.report_and_selection()[0]
@@ -136,7 +140,7 @@ def shoot(name: str, results: Path | None) -> Filmed:
     robustness = score(task, traces).robustness
     chosen = int(np.argsort(robustness)[len(robustness) // 2])
     start, own = starts[[chosen]], isinstance(task.dynamics, Drawn | GymTask)
-    path = FOLDER / f"{name}.webp"
+    path = folder / f"{name}.webp"
     recording = Recording(traces[[chosen]], 1, Film(np.array([0]), np.stack(visited, axis=1)[[chosen]]))
     pictures = Camera(of, start) if isinstance(task.dynamics, GymTask) else None
     if remark := film.write(task, recording, (robustness[chosen],), name, path, pictures):
@@ -191,18 +195,21 @@ def _entry(task: Task, filmed: Filmed) -> str:
 
 def main() -> None:
     """Film, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="tasks; all where none is named")
-    parser.add_argument("--results", type=Path, help="folder of results, for tasks without a controller by hand")
+    parser.add_argument("--results", type=Path, help="folder of results whose best policies act")
+    parser.add_argument("--into", type=Path, default=FOLDER, help="folder of the films")
     parser.add_argument("--page", action="store_true", help="write the page alone")
     asked = parser.parse_args()
-    filmed = {name: Filmed(**each) for name, each in json.loads(FILMED.read_text()).items()} if FILMED.exists() else {}
-    FOLDER.mkdir(parents=True, exist_ok=True)
+    table = asked.into / FILMED
+    filmed = {name: Filmed(**each) for name, each in json.loads(table.read_text()).items()} if table.exists() else {}
+    asked.into.mkdir(parents=True, exist_ok=True)
     for name in [] if asked.page else asked.names or tasks():
-        filmed[name] = shoot(name, asked.results)
+        filmed[name] = shoot(name, asked.results, asked.into)
         print(name, filmed[name])
-        FILMED.write_text(json.dumps({each: asdict(filmed[each]) for each in sorted(filmed)}, indent=1) + "\n")
-    PAGE.write_text(page(filmed), encoding="utf-8")
+        table.write_text(json.dumps({each: asdict(filmed[each]) for each in sorted(filmed)}, indent=1) + "\n")
+    if asked.into == FOLDER:
+        PAGE.write_text(page(filmed), encoding="utf-8")
 
 
 if __name__ == "__main__":

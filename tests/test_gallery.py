@@ -10,11 +10,13 @@ from PIL import Image
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "figures" / "gallery"
+ROBOTS = ROOT / "docs" / "figures" / "robots"
 SAID = """
 import sys
 sys.path.insert(0, "studies")
 import gallery, json
-known = {name: gallery.Filmed(**each) for name, each in json.loads(gallery.FILMED.read_text()).items()}
+films = json.loads((gallery.FOLDER / gallery.FILMED).read_text())
+known = {name: gallery.Filmed(**each) for name, each in films.items()}
 assert sorted(known) == gallery.tasks(), set(known) ^ set(gallery.tasks())
 print(gallery.page(known), end="")
 """
@@ -27,8 +29,9 @@ def test_the_page_has_every_task_and_is_what_the_files_say() -> None:
 
 
 def test_each_film_moves_and_begins_as_a_picture() -> None:
-    films = sorted(path for path in FOLDER.glob("*.webp") if not path.stem.endswith("-still"))
-    assert len(films) >= 33
+    every = *FOLDER.glob("*.webp"), *ROBOTS.glob("*.webp")
+    films = sorted(path for path in every if not path.stem.endswith("-still"))
+    assert len(films) >= 37
     for path in films:
         with Image.open(path) as film, Image.open(path.with_name(f"{path.stem}-still.webp")) as still:
             assert getattr(film, "n_frames", 1) >= 10, path
@@ -37,5 +40,6 @@ def test_each_film_moves_and_begins_as_a_picture() -> None:
 
 
 def test_the_gallery_is_small() -> None:
-    films = [path for path in FOLDER.glob("*.webp") if not path.stem.endswith("-still")]
-    assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 200_000 * len(films)
+    for folder in (FOLDER, ROBOTS):
+        films = [path for path in folder.glob("*.webp") if not path.stem.endswith("-still")]
+        assert sum(path.stat().st_size for path in folder.iterdir()) < 200_000 * len(films)

@@ -157,7 +157,7 @@ def _pictures(pictures: Pictures, names: list[str]) -> Scene:
 
 
 def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
-    keys, drawn = _ENTRY * len(parts(task)), []
+    keys, drawn, moving = _ENTRY * len(parts(task)), [], []
     figure = Figure(figsize=(_WIDTHS[len(names)], 5.6 + keys), dpi=_DPI, layout="constrained")
     for axes, trace, name in zip(figure.subplots(1, len(names), squeeze=False)[0], traces, names, strict=True):
         view = plane.lay_out(axes, task, trace[None], whole=True)
@@ -168,7 +168,16 @@ def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
         (path,) = axes.plot([], [], "-", color=TRACE, linewidth=1.3, zorder=4)
         (head,) = axes.plot([], [], "o", color="black", markersize=6, zorder=6)
         drawn.append((places, path, head))
-    return _drawn(figure, drawn, part_keys(task, view.drawn))
+        regions = plane.moving(axes, task, view)
+        moving += [(each, trace) for each in regions.values()]
+    shown = _drawn(figure, drawn, part_keys(task, [*view.drawn, *regions]))
+
+    def update(sample: int) -> None:
+        for each, own in moving:
+            each.show(own[sample])
+        shown.update(sample)
+
+    return Scene(figure, update, [*(each.image for each, _ in moving), *shown.moving])
 
 
 def _signals(task: Task, traces: Array, names: list[str]) -> Scene:

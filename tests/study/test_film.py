@@ -94,6 +94,24 @@ def test_a_task_with_a_plane_is_shown_in_it():
     assert np.array_equal(np.array(head.get_data()).T, traces[2, 5:6])
 
 
+def test_a_region_moves_with_the_signals_that_the_plane_does_not_show():
+    """The zones of `zones` are discs of 0.4 m round three places, which are signals."""
+    zones = load_task("zones")
+    traces = np.zeros((1, 301, 8))
+    traces[0, :, 2:] = [2, 0, 0, 2, -2, -2]
+    traces[0, 200:, 2] = -1  # the first has moved
+    _, update, (image, *_), _ = film.scene(zones, Recording(traces, 1), (1.0,))
+    side = 201
+    grid = np.stack(np.meshgrid(*[np.linspace(-3, 3, side)] * 2), axis=-1)
+    for sample, first in ((0, 2), (300, -1)):
+        update(sample)
+        shown = image.get_array()[..., 3] > 0
+        assert shown.shape == (side, side)
+        far = [np.hypot(*(grid - place).T).T for place in ([first, 0], [0, 2], [-2, -2])]
+        clear = np.min(far, axis=0) - 0.4
+        assert np.array_equal(shown[np.abs(clear) > 1e-9], (clear > 0)[np.abs(clear) > 1e-9])
+
+
 def test_a_trace_that_leaves_the_picture_is_said_to():
     traces = np.full((3, 201, 2), 2.0)
     traces[2, 100:, 0] = 5  # of the worst start; the range of x is [0, 4]

@@ -16,6 +16,7 @@ from stlbench.contract import Array, Truth
 from stlbench.report.figures import layout
 from stlbench.report.figures.regions import parts, region, signal_label
 from stlbench.report.figures.style import TIME, term_style
+from stlbench.stl import signals
 from stlbench.task.task import Task
 
 _POINTS = 150  # points of a trace, each with a colour of its own
@@ -49,7 +50,7 @@ def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> Vi
     across, up = (task.file.signals[name] for name in names)
     columns = (task.signals.index(names[0]), task.signals.index(names[1]))
     ranges = View(columns, np.array([across.low, up.low]), np.array([across.high, up.high]), ())
-    grid = [np.linspace(low, high, _GRID) for low, high in zip(ranges.low, ranges.high, strict=True)]
+    grid = _grid(ranges)
     places = traces[..., list(columns)].reshape(-1, 2)
     visible, drawn = [places[~_outside(ranges, places)]], list[int]()
     for i, part in enumerate(parts(task)):
@@ -65,6 +66,34 @@ def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> Vi
     if across.unit == up.unit:
         axes.set_aspect("equal")
     return view
+
+
+def _grid(view: View) -> list[Array]:
+    return [np.linspace(low, high, _GRID) for low, high in zip(view.low, view.high, strict=True)]
+
+
+class Moving:
+    """The region of a part that reads more signals than a plane shows, as these are at a sample of a trace."""
+
+    def __init__(self, axes: Axes, task: Task, view: View, i: int) -> None:
+        assert task.file.plane is not None
+        self.task, self.names, self.grid, self.psi = task, task.file.plane, _grid(view), parts(task)[i].psi
+        self.colour = to_rgba(term_style(i)[0], layout.REGION_ALPHA)
+        extent = (view.low[0], view.high[0], view.low[1], view.high[1])
+        self.image = axes.imshow(np.zeros((1, 1, 4)), extent=extent, origin="lower", aspect=axes.get_aspect(), zorder=1)
+
+    def show(self, sample: Array) -> None:
+        """Show the region at a sample (k,)."""
+        found = region(self.task, self.psi, self.grid, self.names, sample)
+        assert found is not None  # `moving` chose parts that have one
+        self.image.set_data(found[1].T[..., None] * np.array(self.colour))
+
+
+def moving(axes: Axes, task: Task, view: View) -> dict[int, Moving]:
+    """Those of the parts without a region in the view that read one of its signals, by their indices."""
+    names = set(task.file.plane or ())
+    rest = (i for i, part in enumerate(parts(task)) if i not in view.drawn and names & set(signals(part.psi)))
+    return {i: Moving(axes, task, view, i) for i in rest}
 
 
 def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: int) -> None:

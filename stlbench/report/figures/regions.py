@@ -83,22 +83,25 @@ def rewarded_terms(task: Task) -> tuple[Term, ...]:
         return ()
 
 
-def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]) -> tuple[Array, Truth] | None:
+def region(
+    task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str], at: Array | None = None
+) -> tuple[Array, Truth] | None:
     """The margin of `psi`, which has no temporal operators, over a grid of one signal or two, and where it holds.
 
-    Other signals that psi reads take the best of a few values in their ranges: a region in the plane is the projection
-    of the region in space. Both results have shape (p_1, p_2) or (p_1,). None if psi reads none of these signals, or
-    more than four others, which are too many to search.
+    Other signals that psi reads have their values in the sample `at` (k,). Without it they take the best of a few
+    values in their ranges: a region in the plane is the projection of the region in space. Both results have shape
+    (p_1, p_2) or (p_1,). None if psi reads none of these signals, or more than four others to search.
     """
     read, specification = stl.signals(psi), task.specification
     hidden = [name for name in task.signals if name in read and name not in names]
-    if len(hidden) > _MOST_OTHERS or not set(read) & set(names):
+    if (at is None and len(hidden) > _MOST_OTHERS) or not set(read) & set(names):
         return None
     few = min(_MOST_VALUES, (_SAMPLES / math.prod(map(len, axes))) ** (1 / max(1, len(hidden))))
-    count = int(few) // 2 * 2 + 1  # with the middle of the range among them
+    count = 1 if at is not None else int(few) // 2 * 2 + 1  # with the middle of the range among them
+    low, high = (specification.low, specification.high) if at is None else (at, at)
     values = [
         axes[list(names).index(name)] if name in names else np.linspace(low, high, count if name in hidden else 1)
-        for name, low, high in zip(task.signals, specification.low, specification.high, strict=True)
+        for name, low, high in zip(task.signals, low, high, strict=True)
     ]
     samples = np.stack(np.meshgrid(*values, indexing="ij"), axis=-1)
     left_out = tuple(i for i, name in enumerate(task.signals) if name not in names)
