@@ -55,12 +55,15 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite-core": lambda: page_suite.methods("suite-core"),
         "suite-corrected": paired.corrected,
         "suite-fresh": paired.stated,
+        "suite-fresh-earlier": lambda: paired.stated("suite-fresh-earlier"),
         "suite-sources": suite_answers.components,
         "suite-held-out": suite_answers.held_out,
         "suite-many": page_suite.many,
     },
     "docs/reference/tasks.md": {
         "field": page_tasks.field,
+    },
+    "docs/robots.md": {
         "robots": page_tasks.robots,
     },
     "paper/paper.md": {

@@ -14,7 +14,6 @@ from stlbench.registry import named_tasks, plugins
 
 ROOT = Path(__file__).parents[2]
 REPORTED = {
-    "suite-fresh-schedules",
     "suite-schedules",
     "suite-schedules-long",
     "suite-quick",
@@ -24,8 +23,6 @@ REPORTED = {
 }
 REPORTED |= {"suite-core", "suite-overlap", "suite-fresh"}
 """Studies that report, and develop nothing. Their results are in the folder of the same name."""
-TABLES = {"suite-fresh"}
-"""Those of which only tables are kept."""
 DEV = set(named_tasks.named("suite:dev"))
 _ADDRESS = re.compile(r"\bsuite:[a-z0-9/-]*[a-z0-9]")
 _TASK = re.compile(r"\bsuite-[a-z-]+-[0-9]+\b")
@@ -73,7 +70,7 @@ def test_no_recorded_policy_is_above_an_upper_bound() -> None:
     suite = plugins.made(plugins.find("suites", "suite"))
     checked = 0
     reported = [folder for folder in RECORDED if folder.name in REPORTED]
-    assert {folder.name for folder in reported} >= REPORTED - TABLES
+    assert {folder.name for folder in reported} >= REPORTED
     for folder in reported:
         for line in committed_lines(folder):
             cell = json.loads(line)
