@@ -42,11 +42,11 @@ arXiv 2510.00225."""
 
 
 def _shares(of: recorded.Seeds | None) -> str:
-    """ "99 %; 5, 4 of 5": mean share of starts; seeds that learned with selected and with final policies."""
+    """ "99 %; 5, 4": mean share of starts; seeds that learned with selected and with final policies."""
     if of is None:
         return ""
     selected, final = of.learned
-    return f"{100 * fmean(of.satisfaction):.0f} %; {selected}, {final} of {len(of.final)}"
+    return f"{100 * fmean(of.satisfaction):.0f} %; {selected}, {final}"
 
 
 def _by_rules(folder: str, methods: tuple[str, ...]) -> str:
