@@ -56,6 +56,12 @@ def test_all_cells_are_a_table(cells: Callable[..., Result]) -> None:
     assert [line[:5] for line in done.stderr.splitlines()] == ["[1/2]", "[2/2]"]
 
 
+def test_the_final_policy_says_so_in_its_name_and_in_its_files(cells: Callable[..., Result]) -> None:
+    done = cells("falsify", UP, "--policy", "final", "--evaluations", 300)
+    assert done.stdout.startswith(f"{UP}, final: counterexample")
+    assert "quick-final.npz" in done.stdout
+
+
 def test_an_interruption_shows_what_was_found_so_far(cells: Callable[..., Result], monkeypatch: Any) -> None:
     search = importlib.import_module("stlbench.search.falsify")
     falsify, times = search.falsify, iter([False, True])

@@ -80,6 +80,8 @@ def test_the_first_statistic_of_the_observed_deal_is_welchs(n, m):
         (shifted(0.1, 0.3), shifted(0, 0.4)[1:9], 0.3),
         (shifted(-0.1, 0.3), shifted(0, 0.4)[1:9], 0.3),
         (shifted(0.01, 0.2), NORMAL[2:8], 0.4),
+        (shifted(0.4, 0.5)[3:6], NORMAL[:9], None),  # the most degrees of freedom decide in these two
+        (shifted(0.5, 0.5)[3:6], NORMAL[:9], None),
     ],
 )
 def test_the_number_of_seeds_by_its_definition(one, other, margin):
@@ -99,6 +101,19 @@ def test_the_number_of_seeds_by_its_definition(one, other, margin):
             break
     assert found.seeds == seeds
     assert 10 < seeds < MOST_SEEDS
+
+
+@pytest.mark.parametrize(("pairs", "seeds"), [(1, 4), (5, 5), (7, 6)])
+def test_fewer_seeds_than_could_separate_are_never_enough(pairs, seeds):
+    """The least p-value of n seeds each is 2 in 6, 20, 70, 252, 924 deals; the level is 5 % over the pairs."""
+    for found in differences([Pair([1.0, 1.001, 1.002], [0.0, 0.001, 0.002])] * pairs):
+        assert (found.word, found.seeds) == ("cannot tell", seeds)
+
+
+def test_the_order_of_seeds_changes_nothing_where_deals_are_drawn():
+    one, other = np.random.default_rng(1).normal(0.4, 1, 30).tolist(), np.random.default_rng(2).normal(0, 1, 30).tolist()
+    forth, back = differences([Pair(one, other), Pair(one[::-1], other[::-1])])
+    assert forth.alone == back.alone
 
 
 def test_what_decided_is_said_and_signs_that_disagree_are_mixed():

@@ -74,10 +74,9 @@ def test_tasks_count_if_they_are_no_ablation_by_their_own_agent_and_on_a_known_s
 
 def test_methods_not_tried_everywhere_are_left_out_and_budgets_and_tracks_apart():
     some = seeds("special", 1.0, task="one")
-    plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS]
+    plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS if each.id.task.name != "four"]
     found = fields(condense([*RESULTS, *some, *plain]), Known(STANDARDS))
     assert [(field.track, len(field.tasks)) for field in found] == [
-        ("plain", 4),
         ("plain", 3),
         ("shared", 4),
         ("shared", 3),

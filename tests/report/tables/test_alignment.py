@@ -77,6 +77,11 @@ def test_only_what_the_own_agent_learned_in_the_same_setting_is_beside_a_plan() 
     assert one(overlap(agent="planner[gamma=1]"), learned(0.5), learned(0.7, agent="td3[gamma=1]")).selected == 0.7
 
 
+def test_rows_of_the_formula_come_first() -> None:
+    rows = align(condense([overlap("funnel"), best(0.2)]), OWN)
+    assert [row.method for row in rows] == ["(formula)", "funnel"]
+
+
 def test_of_several_budgets_the_plans_own_counts_else_the_largest() -> None:
     budgets = [
         learned(0.1, budget="smoke", env_steps=10),
@@ -85,6 +90,8 @@ def test_of_several_budgets_the_plans_own_counts_else_the_largest() -> None:
     ]
     assert one(overlap(budget="smoke"), *budgets).selected == 0.1
     assert one(overlap(budget="quick"), *budgets).selected == 0.2
+    stopped = learned(0.2, seed=1, budget="paper", env_steps=50)  # the budget is larger, though a seed had enough
+    assert one(overlap(budget="quick"), *budgets, stopped).selected == 0.2
 
 
 class TestBestKnown:

@@ -48,6 +48,12 @@ def screen(table, width):
     return console.file.getvalue()
 
 
+def test_parts_of_a_wide_table_keep_the_order_of_columns():
+    columns = (Column("first"), Column("method", right=False), Column("second"), Column("third"))
+    lines = screen(Table("Wide", columns, ((1, "raw", 2, 3), (4, "flag", 5, 6))), 24).splitlines()
+    assert [line.split() for line in lines if "method" in line] == [["first", "method", "second"], ["method", "third"]]
+
+
 def test_markdown():
     assert to_markdown(TABLE) == (
         "## Scores\n\n"

@@ -125,6 +125,7 @@ def test_comparisons() -> None:
     assert row.keys() == {"difference", "95 % interval", "p alone", "p", "margin", "seeds needed"}
     assert (row["difference"], row["margin"]) == ("0.254", "0.143")
     assert (len(row["p alone"]), len(row["p"])) == (6, 6)
+    assert row["seeds needed"].isdigit()
     assert row["95 % interval"].startswith("[-0.")
 
 
