@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -38,10 +39,11 @@ def test_numbers() -> None:
 
 
 def test_one_evaluation_and_one_start_are_enough() -> None:
-    actor = still("G[0,8] a <= 1")
+    actor, began = still("G[0,8] a <= 1"), time.process_time()
     searched, certified = falsify(actor, How(evaluations=1)), certify(actor, Claim(starts=1))
     assert (searched.evaluations, certified.starts, certified.satisfied) == (1, 1, 1)
     assert min(searched.cpu_seconds, certified.cpu_seconds) >= 0
+    assert searched.cpu_seconds + certified.cpu_seconds <= time.process_time() - began
 
 
 def test_falsifications() -> None:

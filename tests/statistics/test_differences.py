@@ -110,6 +110,12 @@ def test_fewer_seeds_than_could_separate_are_never_enough(pairs, seeds):
         assert (found.word, found.seeds) == ("cannot tell", seeds)
 
 
+def test_the_number_of_seeds_is_above_what_either_method_has():
+    pair = Pair([5.0, 5.1], (0.01 * np.arange(9)).tolist())
+    for found in differences([pair] * 5):
+        assert (found.word, found.seeds) == ("cannot tell", 10)
+
+
 def test_the_order_of_seeds_changes_nothing_where_deals_are_drawn():
     one, other = (np.random.default_rng(seed).normal(mean, 1, 30).tolist() for seed, mean in enumerate((0.4, 0)))
     forth, back = differences([Pair(one, other), Pair(one[::-1], other[::-1])])

@@ -31,6 +31,21 @@ def test_tasks_without_scatter_of_seeds_have_an_interval_about_as_wide_as_studen
     assert ends == pytest.approx((values.mean() - half, values.mean() + half), abs=0.1 * half)
 
 
+def test_the_interval_is_of_expanded_percentiles() -> None:
+    """Eight tasks with 0 to 7, and one seed: the distribution of the sum of eight draws is a convolution."""
+    sums = np.ones(1)
+    for _ in range(8):
+        sums = np.convolve(sums, np.full(8, 1 / 8))
+    outside = stats.norm.cdf(stats.t.ppf(0.025, 7) * (8 / 7) ** 0.5)
+    low = int(np.searchsorted(np.cumsum(sums), outside)) / 8
+    assert across.sample_mean([np.full(1, value) for value in range(8)]).interval == pytest.approx((low, 7 - low))
+
+
+def test_a_task_with_fewer_seeds_has_no_more_weight_in_resamples() -> None:
+    uneven = [np.full(1 + value % 3, value) for value in range(8)]
+    assert across.sample_mean(uneven) == across.sample_mean([np.full(3, value) for value in range(8)])
+
+
 def test_both_methods_are_drawn_the_same_tasks() -> None:
     """Tasks differ by up to 1, and the methods by .2 on each."""
     more, less = ([np.full(2, at + gain) for at in range(8)] for gain in (0.2, 0.0))

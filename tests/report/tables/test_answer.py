@@ -37,6 +37,11 @@ def test_a_row_for_each_method_on_each_task() -> None:
     assert none["remarks"] == "intractable: too many"
 
 
+def test_few_rows_of_two_tasks_stay_rows() -> None:
+    other = seeds("raw", (0.1, 0.2), task="other")
+    assert len(answer_table(condense([*RESULTS, *other]), KNOWN).rows) == 5
+
+
 @pytest.mark.parametrize(
     ("share", "shown"),
     [(Share(3, 5), "3 of 5"), (Share(3, 3, "2 not run"), "3 of 3, 2 not run"), (Share(0, 0, "2 not run"), "2 not run")],

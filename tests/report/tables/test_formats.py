@@ -105,6 +105,11 @@ def test_latex_fits_the_width_and_says_what_it_left_out(width, most):
     assert "% Left out: " in to_latex(tables[1], "column")
 
 
+def test_latex_is_split_only_where_it_is_too_wide():
+    columns = (Column("task", right=False, shared=True), Column("share"))
+    assert to_latex(Table("Two", columns, (("one", 1), ("two", 2)))).count(r"\begin{tabular}") == 1
+
+
 @pytest.mark.parametrize("text", ["\\", "100 %", "#1 {x} $y$ ~z^2", "line\nbreak", "x > -1"])
 def test_latex_leaves_no_special_character(text):
     body = to_latex(Table("t", (Column("c", right=False),), ((text,),))).splitlines()[6]

@@ -75,6 +75,8 @@ def test_learned_is_95_percent_of_the_starts():
         for count, values in starts.items()
     }
     assert found == {20: (1, 1, 1), 10: (0, 0, 1)}
+    told = " ".join(robustness_table(condense([result()]), Known()).notes)
+    assert "satisfies from at least 95 % of the starts" in told
 
 
 def test_a_task_by_two_agents_has_two_rows_and_an_ablation_its_task_s_controller():
