@@ -173,7 +173,11 @@ def agents_for(actions: Actions) -> Iterator[str]:
     Agents from outside are loaded after it: what is installed changes no study that names no agent.
     """
     installed = plugins.available("agents").values()
-    (first, *_) = _by_place([plugin for plugin in installed if plugin.is_own], actions.kind)
+    if not (own := _by_place([plugin for plugin in installed if plugin.is_own], actions.kind)):
+        raise UsageError(
+            f"no agent of stlbench for actions of kind {actions.kind} can be loaded: see `stlbench list agents`"
+        )
+    first = own[0]
     yield first
     yield from (name for name in _by_place(installed, actions.kind) if name != first)
 

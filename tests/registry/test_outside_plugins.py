@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import ActionBox, ActionGrid, Array, Integers, RewardMethod
+from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.solver.contestants import contestants
@@ -90,6 +91,12 @@ def test_an_agent_from_outside_races_and_takes_no_task_over(installed: Callable[
     assert agent_for(GRID) == "dqn"
     last = contestants(load_task("overlap"), 60)[-1]
     assert (last.method, last.agent) == ("funnel", "zz-own")
+
+
+def test_without_any_agent_that_can_be_loaded_the_reason_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "available", lambda kind: {})
+    with pytest.raises(UsageError, match="no agent of stlbench for actions of kind box can be loaded"):
+        agent_for(BOX)
 
 
 @pytest.mark.parametrize("recipe", ["3", "{'units': {1, 2}}"])
