@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from stlbench.stl.arithmetic.derivatives import Derivatives, negated, of_difference
 from stlbench.stl.arithmetic.functions import OPERATIONS, Domain
 from stlbench.stl.arithmetic.intervals import Range, difference, negative, power, product, total
-from stlbench.stl.errors import UndefinedError
+from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
 from stlbench.stl.language.structure import as_names, check_names, require_pointwise, signals, walk
 from stlbench.stl.language.syntax import AnyNode, Connective, Formula, Not, Predicate, TrueFormula
@@ -296,8 +296,8 @@ def bounds(
         UnknownSignalError: psi uses a signal that the box does not have.
         UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box; or the
             margin has no bounds and, in floats, no value at the middle or a corner, as with inf - inf.
-        TypeError: a masked array.
-        ValueError: psi has temporal operators, or an end of the box is not finite or low > high.
+        TypeError: a masked array, or `names` is text.
+        ValueError: psi has temporal operators, names are alike, or an end of the box is not finite or low > high.
     """
     require_pointwise(psi)
     if not tolerance > 0:
@@ -308,7 +308,9 @@ def bounds(
         lowest, highest = search.extremes(psi)
         if not (np.isfinite(lowest.bound) and np.isfinite(highest.bound)):
             _refuse_undefined(psi, ends)
-    return Bounds(-lowest.bound, highest.bound, _error(lowest), _error(highest), tolerance)
+    low, high = -lowest.bound, highest.bound
+    errors = (0.0, 0.0) if low == high else (_error(lowest), _error(highest))  # equal also if infinite, as of True
+    return Bounds(low, high, *errors, tolerance)
 
 
 def _refuse_undefined(psi: Formula, ends: Mapping[str, tuple[float, float]]) -> None:
@@ -319,6 +321,8 @@ def _refuse_undefined(psi: Formula, ends: Mapping[str, tuple[float, float]]) -> 
 
 
 def _error(maximum: Maximum) -> float:
+    if math.isinf(maximum.bound):  # a value that overflows reaches it in floats alone
+        return math.inf
     return maximum.bound - maximum.reached if maximum.bound > maximum.reached else 0.0
 
 
@@ -328,16 +332,24 @@ def _ends(
     if not isinstance(box, Mapping):
         if names is None:
             raise ValueError("an array of bounds needs the signals' names")
-        rows = np.asarray(as_array(box), dtype=float)
+        names, rows = as_names(names, psi, "box"), np.asarray(as_array(box), dtype=float)
         if rows.shape != (len(names), 2):
             raise ValueError(f"bounds of {len(names)} signals have shape ({len(names)}, 2), got {rows.shape}")
+        check_names(psi, names, "box")
         box = {name: (low, high) for name, (low, high) in zip(names, rows.tolist(), strict=True)}
     check_names(psi, as_names(tuple(box), psi, "box"), "box")
-    ends = {name: (float(low), float(high)) for name in signals(psi) for low, high in [as_array(box[name])]}
+    ends = {name: _pair(name, box[name]) for name in signals(psi)}
     for name, (low, high) in ends.items():
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise ValueError(f"bounds of {name!r} must be finite with low <= high, got [{low}, {high}]")
     return ends
+
+
+def _pair(name: str, given: ArrayLike) -> tuple[float, float]:
+    pair = as_array(given)
+    if pair.shape != (2,):
+        raise ValueError(f"bounds of {name!r} are two numbers, low and high, got {shorten(repr(given))}")
+    return float(pair[0]), float(pair[1])
 
 
 #: boxes examined to tell an argument that touches the end of its domain from one that leaves it

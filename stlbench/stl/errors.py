@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 #: what a name may have been meant for that no signal has -> what to write
 _ABSENT = {
@@ -13,6 +13,10 @@ _ABSENT = {
     **dict.fromkeys(("inf", "Inf", "infinity", "oo"), "a formula has no infinity; leave the bound away"),
     **dict.fromkeys(("nan", "NaN"), "NaN compares with nothing"),
 }
+
+
+#: what to do about a trace that is too short
+_FOR_SHORT = "policy='clip' cuts the intervals, robustness_bounds and satisfaction_bounds bound the answer"
 
 
 class Position(NamedTuple):
@@ -25,7 +29,24 @@ class Position(NamedTuple):
         return f"column {self.column}" if self.line == 1 else f"line {self.line}, column {self.column}"
 
 
-class StlSyntaxError(ValueError):
+class _Portable(ValueError):
+    """An error that reaches another process as it is: pickling keeps its text and its attributes.
+
+    Python alone would make it anew from its text, which is not what `__init__` takes.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.args, self.__dict__.copy())
+
+
+def _again(kind: type[_Portable], args: tuple[Any, ...], attributes: dict[str, Any]) -> _Portable:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
+
+
+class StlSyntaxError(_Portable):
     """Formula text that does not parse.
 
     Attributes:
@@ -45,7 +66,7 @@ class StlSyntaxError(ValueError):
         super().__init__(encodable(message))
 
 
-class FormulaLimitError(ValueError):
+class FormulaLimitError(_Portable):
     """A formula that nests too deep or has too many parts.
 
     Attributes:
@@ -57,7 +78,7 @@ class FormulaLimitError(ValueError):
         super().__init__(f"a formula has {expected}, got {found}")
 
 
-class UnknownSignalError(ValueError):
+class UnknownSignalError(_Portable):
     """A formula uses a signal that the trace (or the box) does not have."""
 
     def __init__(self, signal: str, names: Sequence[str], where: str = "trace") -> None:
@@ -68,23 +89,22 @@ class UnknownSignalError(ValueError):
         super().__init__(f"formula uses signal {shorten(signal)!r}; the {where} has {has}{hint}")
 
 
-class AmbiguousError(ValueError):
+class AmbiguousError(_Portable):
     """A word of a formula is a constant, such as pi, and the trace (or the box) has a signal of that name."""
 
     def __init__(self, word: str, where: str = "trace") -> None:
         super().__init__(f"{word} in a formula is a constant; the {where} has a signal {word!r}: rename the signal")
 
 
-class ShortTraceError(ValueError):
-    """A trace ends before the formula's horizon, under the policy `strict`."""
+class ShortTraceError(_Portable):
+    """A trace ends before the formula's horizon, under the policy `strict` or where there is no policy."""
 
-    def __init__(self, needed: int, got: int) -> None:
+    def __init__(self, needed: int, got: int, advice: str = _FOR_SHORT) -> None:
         self.needed, self.got = needed, got
-        rule = "policy='clip' cuts the intervals, robustness_bounds and satisfaction_bounds bound the answer"
-        super().__init__(f"needs {needed} samples, got {got} ({rule})")
+        super().__init__(f"needs {needed} samples, got {got}{advice and f' ({advice})'}")
 
 
-class UnboundedError(ValueError):
+class UnboundedError(_Portable):
     """A formula with an operator without an interval, where an interval is needed.
 
     Attributes:
@@ -96,7 +116,7 @@ class UnboundedError(ValueError):
         super().__init__(f"{operator} without an interval{f' at {position}' if position else ''} {reason}")
 
 
-class UndefinedError(ValueError):
+class UndefinedError(_Portable):
     """A predicate has no value at a sample that is read: a signal is NaN, or its arithmetic has no value or overflows.
 
     Attributes:
@@ -110,7 +130,7 @@ class UndefinedError(ValueError):
         super().__init__(what + place + ("" if trace is None else f" of trace {trace}"))
 
 
-class FragmentError(ValueError):
+class FragmentError(_Portable):
     """A formula outside the funnel fragment (eq. 2 of the paper).
 
     Attributes:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -68,3 +72,24 @@ def test_what_has_no_value_or_overflows_gives_no_warning() -> None:
     for psi, sample in [("sqrt(x) >= 0", -1.0), ("exp(x) >= 0", 1e3), ("1 / x >= 0", 0.0), ("x >= x", np.inf)]:
         stl.margin(stl.parse(psi), ["x"])(np.array([sample]))
         stl.holds(stl.parse(psi), ["x"])(np.array([[sample]]))
+
+
+RAISING: dict[str, Callable[[], Any]] = {
+    "StlSyntaxError": lambda: stl.parse("x >"),
+    "FormulaLimitError": lambda: stl.And((stl.parse("x > 0"),) * 100_001),
+    "UnknownSignalError": lambda: stl.robustness(stl.parse("x > 0"), [[1.0]], ["y"]),
+    "AmbiguousError": lambda: stl.robustness(stl.parse("x > pi"), [[1.0, 2.0]], ["x", "pi"]),
+    "ShortTraceError": lambda: stl.robustness(stl.parse("G[0,5] x > 0"), [[1.0]], ["x"]),
+    "UnboundedError": lambda: stl.horizon(stl.parse("G x > 0")),
+    "UndefinedError": lambda: stl.robustness(stl.parse("x > 0"), [[np.nan]], ["x"]),
+    "FragmentError": lambda: stl.fragment(stl.parse("x > 0 U[0,1] x > 1")),
+}
+
+
+@pytest.mark.parametrize("name", RAISING)
+def test_each_error_survives_pickling(name: str) -> None:
+    with pytest.raises(getattr(stl, name)) as caught:
+        RAISING[name]()
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is type(caught.value)
+    assert (str(again), again.args, vars(again)) == (str(caught.value), caught.value.args, vars(caught.value))

@@ -122,7 +122,12 @@ class Fold:
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         """The summary of `count` (...) times the same values, 0 times allowed."""
-        return summary * np.asarray(count, dtype=np.float64)[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            repeated = self._repeated(summary, np.asarray(count, dtype=np.float64)[..., None])
+        return np.where(np.isnan(repeated), self.empty, repeated)  # 0 times infinity
+
+    def _repeated(self, summary: Floats, times: Floats) -> Floats:
+        return summary * times
 
     def __call__(self, values: Floats) -> Floats:
         """The function along the last axis: (..., n) -> (...)."""
@@ -185,9 +190,8 @@ class SoftLeast(Fold):
 
     sharpness: float
 
-    def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
-        with np.errstate(divide="ignore"):
-            return summary + np.log(np.asarray(count, dtype=np.float64))[..., None]
+    def _repeated(self, summary: Floats, times: Floats) -> Floats:
+        return summary + np.log(times)
 
     def _lift(self, values: Floats) -> Floats:
         return np.asarray(-self.sharpness * values)[..., None]
@@ -230,7 +234,8 @@ class WeightedLeast(Fold):
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         times = np.asarray(count, dtype=np.float64)[..., None] * np.array([0.0, 1.0, 1.0])
         times[..., 0] = times[..., 1] > 0  # the minimum stays
-        return np.asarray(np.where(times > 0, summary * times, math.inf))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.where(times > 0, summary * times, math.inf))
 
     def _lift(self, values: Floats) -> Floats:
         return np.stack([values, np.zeros_like(values), np.ones_like(values)], axis=-1)

@@ -21,6 +21,8 @@ class Level(IntEnum):
 BINARY_LEVELS = {"+": Level.SUM, "-": Level.SUM, "*": Level.PRODUCT, "/": Level.PRODUCT, "**": Level.POWER}
 COMPARISONS = ("<=", ">=", "<", ">")
 OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "xor": "xor", "implies": "->", "iff": "<->"}
+#: signs of multiplication elsewhere, which Python has in names, and formulas do not
+DOTS = "·\u0387"
 #: words that cannot name a signal; all other words of operators, and their letters, can
 RESERVED = frozenset(
     {*FUNCTIONS, *OPERATOR_WORDS, "always", "eventually", "until", "True", "true", "False", "false", "pi"}
@@ -140,8 +142,8 @@ class Signal(Node):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.name.isidentifier() or self.name in RESERVED:
-            raise ValueError(f"a signal name is an identifier and no reserved word, got {self.name!r}")
+        if not self.name.isidentifier() or self.name in RESERVED or any(dot in self.name for dot in DOTS):
+            raise ValueError(f"a signal name is an identifier without '·' and no reserved word, got {self.name!r}")
 
     def __str__(self) -> str:
         return self.name

@@ -7,9 +7,10 @@ and size are `Node`'s.
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import ClassVar, Final, TypeAlias, cast
+from typing import Any, ClassVar, Final, TypeAlias, cast
 
 from stlbench.stl.errors import Position
 from stlbench.stl.language.expressions import COMPARISONS, Constant, Expression, Level, Node, wrap
@@ -87,9 +88,9 @@ class _Joined(Connective):
     """The operands as printed: one that was typed with such an operator stays whole."""
 
     def __post_init__(self) -> None:
-        kind = type(self)
-        printed = (arg.printed if isinstance(arg, kind) and not arg.typed else (arg,) for arg in self.args)
-        nested = (arg.args if isinstance(arg, kind) else (arg,) for arg in self.args)
+        kind, args = type(self), tuple(self.args)
+        printed = (arg.printed if isinstance(arg, kind) and not arg.typed else (arg,) for arg in args)
+        nested = (arg.args if isinstance(arg, kind) else (arg,) for arg in args)
         object.__setattr__(self, "printed", tuple(chain.from_iterable(printed)))
         object.__setattr__(self, "args", tuple(chain.from_iterable(nested)))
         super().__post_init__()
@@ -140,9 +141,11 @@ class _Temporal(Node):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        a, b = self.a, self.b
-        if not (isinstance(a, int) and isinstance(b, int) and 0 <= a <= b):
-            raise ValueError(f"an interval has whole ends with 0 <= a <= b, got [{a},{b}]")
+        a, b = _whole(self.a), _whole(self.b)
+        if a is None or b is None or not 0 <= a <= b:
+            raise ValueError(f"an interval has whole ends with 0 <= a <= b, got [{self.a},{self.b}]")
+        object.__setattr__(self, "a", a)
+        object.__setattr__(self, "b", b)
         if b > MAX_STEP and (a, b) != (0, END):
             raise ValueError(f"an interval ends at step {MAX_STEP} or before, got [{a},{b}]")
 
@@ -150,6 +153,14 @@ class _Temporal(Node):
     def operator(self) -> str:
         """The operator as written: `G[0,3]`, or `G`."""
         return self.letter if self.b == END else f"{self.letter}[{self.a},{self.b}]"
+
+
+def _whole(end: Any) -> int | None:
+    """A whole number, also one of NumPy; None for anything else, a truth value too."""
+    try:
+        return None if isinstance(end, bool) else operator.index(end)
+    except TypeError:
+        return None
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from decimal import Decimal
 from functools import lru_cache, partial
+from itertools import chain
 from numbers import Integral, Real
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,7 +44,7 @@ NO_FLOAT = (
 def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str] | None = None) -> NDArray[Any]:
     """`values` as an array of numbers, whose last axis has the signals `names`.
 
-    A table with named columns is read by these names, and so is one row of it.
+    A table with named columns is read by these names, and so is one row of it, also within lists.
 
     Args:
         read: the signals that must be numbers; all where left out. Other values that are no numbers become NaN.
@@ -55,12 +56,13 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
     if type(values) is np.ndarray and values.dtype.kind == "f":
         return values
     masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
-    several = isinstance(values, list | tuple)
-    parts: Any = values if several else [values]
+    several, parts = isinstance(values, list | tuple), _parts(values)
     if masked is not None and any(isinstance(part, masked.MaskedArray) for part in parts):
         raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
     if isinstance(values, str | bytes):
         raise TypeError(f"samples are numbers, got {type(values).__name__}")
+    if several and names and any(_labels(part) is not None for part in parts):
+        return np.stack([as_array(part, names, read) for part in cast(Sequence[ArrayLike], values)])
     if type(values) is not np.ndarray and names and (labels := _labels(values)) is not None:
         values = _by_name(values, labels, names, read)
     array = np.asarray(values)
@@ -79,6 +81,26 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
 def as_floats(values: ArrayLike, names: Sequence[str], read: Collection[str] | None) -> NDArray[np.float64]:
     """The same as floats: in the arithmetic of integers 1 - 2 may be 255."""
     return np.asarray(as_array(values, names, read), dtype=np.float64)
+
+
+#: types that have neither names nor a mask
+_PLAIN = {bool, int, float, np.ndarray, np.bool_, *(np.dtype(code).type for code in "bBhHiIlLqQefdg")}
+_LISTS = {list, tuple}
+#: no array has more dimensions
+_DEEPEST = 64
+
+
+def _parts(values: Any) -> list[Any]:
+    """What nested lists hold that may have names or a mask; all numbers of a level are told by one set of types."""
+    found, level = list[Any](), values if isinstance(values, list | tuple) else [values]
+    for _ in range(_DEEPEST):
+        if (kinds := {*map(type, level)}) <= _PLAIN:
+            break
+        if not kinds <= _LISTS:
+            found += [part for part in level if not isinstance(part, list | tuple) and type(part) not in _PLAIN]
+            level = [part for part in level if isinstance(part, list | tuple)]
+        level = [*chain.from_iterable(level)]
+    return found
 
 
 def _labels(values: Any) -> list[Any] | None:

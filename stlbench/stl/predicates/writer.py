@@ -207,6 +207,9 @@ class ExpressionWriter:
     def applied(self, op: str, parts: Sequence[Operand], node: Expression | Predicate, base: int) -> Operand:
         """`op` of operands that are written; a message names `node`."""
         values = [part.value for part in parts if part.value is not None]
+        if op == "norm":
+            for value in values:  # refused here too if its square overflows
+                _folded("square", [value], node)
         if op == "/" and parts[1].value is not None:
             if parts[1].value == 0.0:
                 raise UndefinedError(f"a constant of the formula has no value: {shorten(str(node))} divides by 0")

@@ -37,14 +37,17 @@ ShortTraces: TypeAlias = Literal["strict", "clip"]
 
 
 class RobustnessBounds(NamedTuple):
-    """Least and greatest robustness over all continuations of a trace; equal from horizon + 1 samples on."""
+    """Bounds of the robustness over all continuations of a trace; equal from horizon + 1 samples on.
+
+    A predicate to come counts as any number, also where its arithmetic has a limit, as `abs(x) >= 0`.
+    """
 
     lower: Floats
     upper: Floats
 
 
 class SatisfactionBounds(NamedTuple):
-    """Whether every continuation of a trace satisfies the formula, and whether some may."""
+    """Whether the bounds tell that every continuation satisfies the formula, and whether they leave some open."""
 
     certainly: Bools
     possibly: Bools
@@ -185,6 +188,8 @@ class _Program:
     def in_chunks(self, flat: NDArray[Any], end: End, count: int, worst: bool) -> Floats:
         """Values (n, count) at steps 0..count-1 of all traces (n, T+1, k), chunk by chunk."""
         out, steps = np.empty((flat.shape[0], count)), flat.shape[1]
+        if count == 0:  # an empty trace
+            return out
         last = steps + self.behind if end == "interval" else steps - 1
         if not self.to_the_end and end == "interval":  # a wide window of the past costs no more than what is read
             last = min(last, count - 1 + self.ahead)

@@ -42,10 +42,12 @@ def value_range(formula: Formula, of: Callable[[Predicate], tuple[float, float]]
                 return (low, math.inf) if formula.least else (-math.inf, high)
             return low, high
         case Between(a, _, left, right):
-            guard, goal = value_range(left, of), value_range(right, of)
-            if isinstance(formula, Release):
-                return goal[0], max(goal[1], guard[1])
-            return (-math.inf if formula.past and a > 0 else min(goal[0], guard[0])), goal[1]
+            goal = value_range(right, of)
+            if a == 0:  # at the step itself the goal counts without a guard
+                return goal
+            pick = max if isinstance(formula, Release) else min
+            low, high = map(pick, value_range(left, of), goal)
+            return (-math.inf if formula.past else low), high
         case _:
             return math.inf, math.inf
 
@@ -253,7 +255,10 @@ def _to_the_end(values: Values, count: int, pick: np.ufunc) -> Values:
 
 
 def _reach(formula: Prefix | Between, traces: Traces, lo: int, hi: int) -> tuple[int, int]:
-    """How far the interval's ends are, cut where every window is outside: huge intervals cost no memory."""
+    """How far the interval's ends are, cut where every window is outside.
+
+    So a huge interval costs no memory, unless a wide past below it makes the unknown future as long.
+    """
     outside = hi + 1 if formula.past else traces.last - lo + 1
     return min(formula.a, outside), min(formula.b, outside)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.arithmetic.folds import Semantics
+from stlbench.stl.errors import ShortTraceError
 from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside, operands_of
 from stlbench.stl.language.syntax import And, Between, Connective, Formula, Not, Or, Prefix, Release
 from stlbench.stl.predicates import margin
@@ -22,6 +23,9 @@ Floats: TypeAlias = NDArray[np.float64]
 Valued: TypeAlias = Callable[[Formula], Callable[[Floats], Floats]]
 #: the values of an empty F and an empty G
 Empty: TypeAlias = tuple[float, float]
+_WHOLE = 10_000
+"""Windows up to so many samples are padded to their whole length. Sums of another length round otherwise, and longer
+windows cost too much memory."""
 
 
 class Quantity:
@@ -59,7 +63,13 @@ class Quantity:
         return np.stack([np.broadcast_to(read(samples), samples.shape[:-1]) for read in self._read], axis=-1)
 
     def values(self, leaves: Floats) -> Floats:
-        """The formula's value at each step at which it has one: (n, T+1, J) -> (n, T+1-horizon)."""
+        """The formula's value at each step at which it has one: (n, T+1, J) -> (n, T+1-horizon).
+
+        Raises:
+            ShortTraceError: T < horizon.
+        """
+        if leaves.shape[1] <= self.horizon:
+            raise ShortTraceError(self.horizon + 1, leaves.shape[1], advice="")
         return self._at(self.formula, leaves, (0, leaves.shape[1] - 1 - self.horizon), (-math.inf, math.inf))
 
     def clipped(self, leaves: Floats, ends: Empty) -> Floats:
@@ -86,11 +96,12 @@ class Quantity:
         lo, hi = steps
         fold = self.semantics.least if node.least else self.semantics.eventually
         first, last = lo + node.a, leaves.shape[1] - 1
-        read = min(hi + node.b, last)
-        lifted = np.full((len(leaves), hi + node.b - first + 1, fold.size), fold.empty)
+        b = min(node.b, max(node.a, last + 1, _WHOLE))  # beyond the last sample nothing counts
+        read = min(hi + b, last)
+        lifted = np.full((len(leaves), hi + b - first + 1, fold.size), fold.empty)
         if first <= read:
             lifted[:, : read - first + 1] = fold.lift(self._at(node.arg, leaves, (first, read), ends))
-        values = fold.read(fold.sliding(lifted, node.b - node.a + 1))
+        values = fold.read(fold.sliding(lifted, b - node.a + 1))
         values[:, max(last - node.a - lo + 1, 0) :] = ends[node.least]  # of windows that begin after the last sample
         return values
 

@@ -64,8 +64,9 @@ class Witness:
 def witness(formula: syntax.Formula, trace: ArrayLike, names: Sequence[str]) -> Witness:
     """Find the predicate and the sample that the robustness of `formula` at t = 0 comes from.
 
-    Among equals it is the first operand and the earliest step. At a robustness of exactly 0 it is one that also decides
-    the verdict: the formula is satisfied if and only if the predicate holds there (for a negative sign: does not hold).
+    Among equals it is the first operand and the earliest step; of an until, release or since the right operand comes
+    first. At a robustness of exactly 0 it is one that also decides the verdict: the formula is satisfied if and only if
+    the predicate holds there (for a negative sign: does not hold).
 
     Args:
         formula: any formula; intervals in steps.

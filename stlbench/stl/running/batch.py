@@ -37,8 +37,8 @@ class Intervals(NamedTuple):
 
     Attributes:
         lower, upper: bounds of the robustness at t = 0 over all continuations.
-        certainly: whether every continuation satisfies the formula (Boolean semantics).
-        possibly: whether some continuation may.
+        certainly: whether the bounds tell that every continuation satisfies the formula (Boolean semantics).
+        possibly: whether they leave it open that some continuation does.
     """
 
     lower: Floats
@@ -114,14 +114,16 @@ class BatchMonitor:
         self._answer = self._bounds()
 
     def _indices(self, which: ArrayLike) -> Steps:
-        chosen, count = np.atleast_1d(as_array(which)), len(self.steps)
+        chosen, count = np.atleast_1d(np.asanyarray(which)), len(self.steps)
+        if hasattr(chosen, "mask"):  # of a masked array, whose values do not count alone
+            chosen = chosen.astype(object)
         if chosen.dtype == np.bool_ and chosen.shape == (count,):
             return np.flatnonzero(chosen)
         if chosen.size == 0:
             return np.empty(0, dtype=np.int64)
         if chosen.ndim == 1 and chosen.dtype.kind in "iu" and chosen.min() >= 0 and chosen.max() < count:
             return chosen.astype(np.int64)
-        shown = shorten(repr(chosen.tolist()))
+        shown = shorten(f"{chosen.tolist()} of type {type(which).__name__} and {chosen.dtype}")
         raise ValueError(f"which traces: a mask of {count} booleans, or indices from 0 to {count - 1}; got {shown}")
 
     def _bounds(self) -> Intervals:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
 from itertools import pairwise
 from types import MethodType
@@ -31,7 +31,7 @@ class Interval(NamedTuple):
 
     Attributes:
         lower, upper: bounds of the robustness at t = 0 over all continuations (-inf, +inf while nothing is known).
-        verdict: True or False once no continuation can change it (Boolean semantics), else None.
+        verdict: True or False once the bounds tell (Boolean semantics), else None.
     """
 
     lower: float
@@ -45,7 +45,7 @@ class Monitor:
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
     amortised time per step and at most one window of memory, also inside !, &, | and ->. So do most other nestings, and
     past operators. The rest is known in part while it is open, as an until whose left operand looks ahead. It keeps up
-    to horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+    to horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor, `pickle` stores it.
 
     Attributes:
         horizon: the last step that the formula reads; `END` where an operator has no interval.
@@ -76,9 +76,17 @@ class Monitor:
         begin(self._state)
         self.update = MethodType(step, self._state)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "update"}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+        _, step, _ = program(self.formula, self.names)  # a function that is made cannot be pickled
+        self.update = MethodType(step, self._state)
+
     @property
     def steps(self) -> int:
-        """How many samples were taken."""
+        """How many samples were taken; at most horizon + 1, as later ones change nothing."""
         return self._state.steps
 
 

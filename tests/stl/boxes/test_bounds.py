@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -178,3 +179,32 @@ def test_a_masked_box_is_refused() -> None:
     for box, names in ((ends, ["x"]), ({"x": ends[0]}, None)):
         with pytest.raises(TypeError, match="masked array"):
             bounds(parse("x >= 0"), box, names)
+
+
+@pytest.mark.parametrize("names", [["x", "x"], ["x", "y", "y"]])
+def test_names_of_a_box_differ(names: list[str]) -> None:
+    with pytest.raises(ValueError, match="signal names must differ, got x"):
+        bounds(parse("x <= 2"), [(0.0, 1.0)] * len(names), names)
+
+
+def test_one_text_names_no_signals() -> None:
+    with pytest.raises(TypeError, match=r"names is a sequence of signal names, got one text; write \['xy'\]"):
+        bounds(parse("x <= y"), [(0.0, 1.0), (5.0, 6.0)], "xy")
+
+
+@pytest.mark.parametrize("ends", [(0, 1, 2), 1, (), [[0, 1]]])
+def test_the_ends_of_a_box_are_two_numbers(ends: Any) -> None:
+    with pytest.raises(ValueError, match="bounds of 'x' are two numbers, low and high, got "):
+        bounds(parse("x <= 2"), {"x": ends})
+
+
+def test_an_infinite_bound_is_not_tight() -> None:
+    found = bounds(parse("exp(x) <= 2"), {"x": (0.0, 800.0)})
+    assert (found.low, found.low_error, found.tight) == (-math.inf, math.inf, False)
+    assert found.high_error < 1e-6
+
+
+@pytest.mark.parametrize(("text", "value"), [("True", math.inf), ("False", -math.inf), ("x <= 1 | True", math.inf)])
+def test_the_infinity_of_true_is_exact(text: str, value: float) -> None:
+    found = bounds(parse(text), {"x": (0.0, 1.0)})
+    assert (found.low, found.high, found.tight) == (value, value, True)

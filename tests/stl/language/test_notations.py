@@ -286,3 +286,28 @@ def test_hostile_text_costs_little(text: str) -> None:
     with pytest.raises(stl.StlSyntaxError) as caught:
         stl.parse(text)
     assert len(str(caught.value)) < 2000
+
+
+@pytest.mark.parametrize(
+    "text", ["x > 0 and and y > 0", "G[0,5] x > 0 iff", "F[0,5] x > 0 U", "x > 0 | | y > 0", "x > 0 || || y > 0"]
+)
+def test_an_operator_without_an_operand_has_no_remedy(text: str) -> None:
+    with pytest.raises(stl.StlSyntaxError) as caught:
+        stl.parse(text)
+    assert caught.value.remedy is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x <> 0", "there is no equality"),
+        ("(x + 1) <> 0", "there is no equality"),
+        ("x > 0 and <> y > 0", "write F"),
+        ("G <> x > 0", "write F"),
+        ("2F > 0", "write 2 * F"),
+    ],
+)
+def test_signs_are_read_by_what_stands_before_them(text: str, said: str) -> None:
+    with pytest.raises(stl.StlSyntaxError) as caught:
+        stl.parse(text)
+    assert str(caught.value.remedy).startswith(said)

@@ -163,3 +163,29 @@ def test_errors_point_at_the_place(text: str, line: int, column: int, expected: 
     assert first.endswith(remedy)
     assert source[4:] == (text.splitlines() or [""])[line - 1]
     assert caret == " " * (3 + column) + "^"
+
+
+@pytest.mark.parametrize("name", ["e\u0301", "\u0924\u093e\u092a\u092e\u093e\u0928", "x\u0301_1"])
+def test_marks_that_combine_with_letters_belong_to_a_name(name: str) -> None:
+    formula = stl.parse(f"{name} > 0")
+    assert stl.signals(formula) == (name,)
+    assert stl.parse(str(formula)) == formula
+
+
+def test_a_dot_between_letters_is_no_part_of_a_name() -> None:
+    with pytest.raises(stl.StlSyntaxError, match="write \\*"):
+        stl.parse("a\u00b7b > 0")
+    with pytest.raises(ValueError, match="a signal name is an identifier without '\u00b7'"):
+        stl.Signal("a\u00b7b")
+
+
+def test_an_end_that_dt_makes_too_many_steps_is_a_syntax_error() -> None:
+    with pytest.raises(stl.StlSyntaxError, match="an interval end of at most 9007199254740992 steps"):
+        stl.parse("F[0,900719925474099.3] x > 0", dt=0.1)
+
+
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_an_end_that_decimals_make_0_is_refused(dt: float | None) -> None:
+    with pytest.raises(stl.StlSyntaxError, match=r"a whole number of steps|at least 1e-300"):
+        stl.parse("F[0,1e-2000000] x > 0", dt=dt)
+    assert stl.parse("F[0,0e-2000000] x > 0", dt=dt) == stl.parse("F[0,0] x > 0")

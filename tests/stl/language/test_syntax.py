@@ -8,6 +8,7 @@ import subprocess
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stlbench import stl
@@ -61,6 +62,9 @@ def test_values_are_frozen_and_survive_pickling() -> None:
         (lambda: stl.Always(3, 1, P), r"0 <= a <= b, got \[3,1\]"),
         (lambda: stl.Always(-1, 1, P), "0 <= a <= b"),
         (lambda: stl.Always(*(0.5, 1), P), "whole ends"),
+        (lambda: stl.Always(False, True, P), r"whole ends .*, got \[False,True\]"),
+        (lambda: stl.Until(0, np.True_, P, P), "whole ends"),  # type: ignore[arg-type]
+        (lambda: stl.Always(0, np.array([1, 2]), P), "whole ends"),  # type: ignore[arg-type]
         (lambda: stl.Signal("norm"), "reserved"),
         (lambda: stl.Signal("a b"), "identifier"),
         (lambda: stl.Number(-1), "Negative"),
@@ -113,3 +117,15 @@ def test_a_formula_has_no_truth_value(text: str) -> None:
         bool(stl.parse_expression("x + 1"))
     assert [f, g].index(g) == 1
     assert f == stl.parse(text)
+
+
+def test_the_ends_of_an_interval_may_be_whole_numbers_of_numpy() -> None:
+    formula = stl.Always(np.int64(0), np.uint8(3), P)  # type: ignore[arg-type]
+    assert formula == stl.Always(0, 3, P) == stl.parse(str(formula))
+    assert (type(formula.a), type(formula.b)) == (int, int)
+    assert stl.resolve_end(stl.parse("G x > 0"), np.int64(7)) == stl.parse("G[0,7] x > 0")  # type: ignore[arg-type]
+
+
+def test_operands_may_come_from_a_generator() -> None:
+    assert stl.And(p for p in (P, Q, P)) == stl.And((P, Q, P))  # type: ignore[arg-type]
+    assert stl.Or(p for p in (P, Q)) == stl.Or((P, Q))  # type: ignore[arg-type]

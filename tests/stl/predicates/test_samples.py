@@ -98,3 +98,24 @@ def test_numbers_of_all_kinds_are_taken(use: Callable[[Any], float], good: Any) 
 
 def test_a_row_without_names_is_read_by_position() -> None:
     assert stl.Monitor(stl.parse("x - 2 * y >= 0"), NAMES).update(pd.Series([6.0, 1.0])).lower == 4.0
+
+
+TABLE = pd.DataFrame({"y": [1.0, 1.0], "x": [6.0, 3.0]})
+"""The trace, with its columns in another order."""
+
+
+def test_tables_and_rows_within_lists_are_read_by_name() -> None:
+    rows = [row for _, row in TABLE.iterrows()]
+    for trace in (rows, [rows], [TABLE], (TABLE, TABLE), [[rows], [rows]], [rows[0], [3.0, 1.0]]):
+        assert np.all(stl.robustness(FORMULA, trace, NAMES) == 1.0)
+    found = stl.BatchMonitor(stl.parse("x - 2 * y >= 0"), NAMES, 2).update(rows)
+    assert found.lower.tolist() == [4.0, 1.0]
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3])
+def test_masks_within_lists_are_refused(depth: int) -> None:
+    trace: Any = np.ma.masked_array([6.0, 1.0], [True, False])
+    for _ in range(depth):
+        trace = [trace, trace]
+    with pytest.raises(TypeError, match="a masked array has samples without a value"):
+        stl.robustness(FORMULA, trace, NAMES)

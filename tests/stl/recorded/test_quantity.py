@@ -114,3 +114,25 @@ def test_wrong_choices_are_told() -> None:
         stl.semantics("smooth")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="number above 0, got 0"):
         stl.semantics("lse", 0.0)
+
+
+@pytest.mark.parametrize("name", ["classic", "lse", "gilpin", "agm", "gmsr"])
+@pytest.mark.parametrize("text", ["G[0,3] x > 0", "F[1,3] x > 0", "x > 0 U[1,3] x < 1"])
+def test_a_trace_shorter_than_the_horizon_is_refused(name: str, text: str) -> None:
+    quantity = stl.Quantity(stl.parse(text), ["x"], stl.semantics(name))  # type: ignore[arg-type]
+    for count in range(4):
+        with pytest.raises(stl.ShortTraceError, match=f"^needs 4 samples, got {count}$"):
+            quantity.values(quantity.read(np.ones((2, count, 1))))
+    assert quantity.values(quantity.read(np.ones((2, 4, 1)))).shape == (2, 1)
+
+
+@pytest.mark.parametrize("name", ["classic", "lse", "gilpin", "agm", "gmsr"])
+def test_a_huge_window_costs_no_memory(name: str) -> None:
+    """10^12 steps of floats are no memory of today."""
+    wide, narrow = (
+        stl.Quantity(stl.parse(f"F[0,{end}] G[1,{end}] x > 0"), ["x"], stl.semantics(name))  # type: ignore[arg-type]
+        for end in (10**12, 9)
+    )
+    leaves = np.array([[[0.5], [-0.25], [0.75]]])
+    found = wide.clipped(leaves, (-1.0, 1.0))
+    assert found == pytest.approx(narrow.clipped(leaves, (-1.0, 1.0)))

@@ -232,3 +232,10 @@ def test_compiled_functions_read_what_is_asked() -> None:
         with pytest.raises(stl.UndefinedError, match=r"^signal 'x' is NaN at sample 2 of trace 0$"):
             compiled(samples)
         assert compiled(samples[:, :2]).shape == (1, 1)
+
+
+@pytest.mark.parametrize("text", ["x > 0 U[1,3] x < 1", "x > 0 R[1,3] x < 1", "G[0,3] x > 0", "x > 0 S[1,2] x < 1"])
+def test_an_empty_trace_has_bounds_at_no_step(text: str) -> None:
+    formula, empty = stl.parse(text), np.empty((0, 1))
+    assert [each.shape for each in stl.robustness_bounds_trace(formula, empty, ["x"])] == [(0,), (0,)]
+    assert [each.shape for each in stl.satisfaction_bounds_trace(formula, empty, ["x"])] == [(0,), (0,)]

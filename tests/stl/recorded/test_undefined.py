@@ -249,7 +249,16 @@ def test_an_infinite_sample_is_a_value(evaluator: Any) -> None:
     assert stl.robustness(stl.parse("F[0,3] x + y > 3"), trace_with(0, 2, math.inf), ["x", "y"]) == math.inf
 
 
-@pytest.mark.parametrize("text", ["exp(1000) > x", "x < 1e200 * 1e200", "x * 10 ** 400 > 0"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "exp(1000) > x",
+        "x < 1e200 * 1e200",
+        "x * 10 ** 400 > 0",
+        "norm(x, 1e200) > 0",
+        "norm(x, x, x, x, 1e200) > 0",
+    ],
+)
 def test_a_constant_that_overflows_is_refused(text: str) -> None:
     for use in (stl.margin, stl.holds, stl.Monitor, lambda formula, names: stl.robustness(formula, [[1.0]], names)):
         with pytest.raises(stl.UndefinedError, match="a constant of the formula overflows: "):

@@ -129,3 +129,9 @@ def test_what_is_refused() -> None:
         stl.witness(stl.parse("F[0,1] O[2,3] x >= 0"), X, ["x"])
     with pytest.raises(stl.UndefinedError, match="sqrt"):
         stl.witness(stl.parse("G[0,4] sqrt(x) >= 0"), X, ["x"])
+
+
+@pytest.mark.parametrize("text", ["x >= 0 U[1,1] y >= 0", "x >= 0 R[1,1] y >= 0", "F[1,1] (x >= 0 S[1,1] y >= 0)"])
+def test_of_equals_of_an_until_the_right_operand_comes_first(text: str) -> None:
+    found = stl.witness(stl.parse(text), [[1.0, 1.0], [1.0, 1.0]], ["x", "y"])
+    assert str(found.predicate) == "y >= 0"

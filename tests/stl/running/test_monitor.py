@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 from collections import deque
 
 import numpy as np
@@ -210,6 +211,23 @@ def test_a_copy_is_a_fork() -> None:
     assert fork.update([4.0]) == stl.Interval(4.0, 4.0, True)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "F[0,1] G[0,1] x >= 0",
+        "F[0,2] (x >= 0 U[0,3] x >= 1)",
+        "G (x >= 0 -> O[0,2] x <= -1)",
+        "F[0,2] (x <= 0 | G x >= 1)",
+    ],
+)
+def test_a_pickled_monitor_goes_on(text: str) -> None:
+    monitor = stl.Monitor(stl.parse(text), ["x"])
+    for value in (2.0, -1.0, 3.0, 0.5, -2.0, 1.5):
+        stored = pickle.loads(pickle.dumps(monitor))
+        assert (stored.steps, stored.horizon, stored.formula) == (monitor.steps, monitor.horizon, monitor.formula)
+        assert stored.update([value]) == monitor.update([value])
+
+
 @pytest.mark.parametrize("sample", [[math.inf], [-1e-320]])
 def test_infinite_and_tiny_samples(sample: list[float]) -> None:
     now = stl.Monitor(stl.parse("x > 0"), ["x"]).update(sample)
@@ -222,3 +240,26 @@ def test_a_nan_inside_a_minimum_is_an_error_as_in_arrays() -> None:
     for text in (*least, "x - y >= 0 | True & x >= 0"):
         with pytest.raises(stl.UndefinedError, match="has no value"):
             stl.Monitor(stl.parse(text), ["x", "y"]).update([math.inf, math.inf])
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("G[1,3] (x > 0 U[0,1] True)", (math.inf, math.inf, True)),
+        ("F[0,2] (False U[3,4] y < 0)", (-math.inf, -math.inf, False)),
+        ("G[0,1] (1 <= 2 R[3,5] y < 0)", (1.0, math.inf, True)),
+        ("G[1,2] !(1 <= 2 W[1,1] abs(x) <= 1)", (-1.0, -1.0, False)),
+    ],
+)
+def test_constants_beside_an_until_bound_it(text: str, expected: tuple[float, float, bool]) -> None:
+    formula, sample = stl.parse(text), [2.0, 0.5]
+    assert stl.Monitor(formula, ["x", "y"]).update(sample) == expected
+    both = stl.BatchMonitor(formula, ["x", "y"], 1).update([sample])
+    assert (both.lower[0], both.upper[0]) == expected[:2] == stl.robustness_bounds(formula, [sample], ["x", "y"])
+
+
+def test_steps_stop_after_the_horizon() -> None:
+    monitor = stl.Monitor(stl.parse("G[0,1] x >= 0"), ["x"])
+    for _ in range(5):
+        monitor.update([1.0])
+    assert monitor.steps == 2

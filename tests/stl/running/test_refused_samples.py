@@ -100,6 +100,15 @@ class TestRestart:
         if isinstance(caught.value, ValueError):
             assert "a mask of 3 booleans, or indices from 0 to 2; got" in str(caught.value)
 
+    @pytest.mark.parametrize(
+        "wrong", [None, [2**53 + 1], [2**64], {1}, np.ma.array([True] * 3, mask=[False, False, True])]
+    )
+    def test_what_is_no_sample_is_told_as_a_choice(self, wrong: Any) -> None:
+        monitor = self.monitor()
+        with pytest.raises(ValueError, match=r"which traces: a mask of 3 booleans, or indices from 0 to 2; got \["):
+            monitor.restart(wrong)
+        assert monitor.steps.tolist() == [1, 1, 1]
+
 
 class TestWhatIsNoFormula:
     @pytest.mark.parametrize("value", ["G[0,1] x >= 0", b"x >= 0", None, 3, stl.Signal("x")])
