@@ -190,10 +190,10 @@ class SuiteScores(NamedTuple):
 
 
 class Suite(ABC):
-    """Tasks that are made from their names, such as `unicycle/sequence/7`.
+    """Tasks that are made from their names, such as `unicycle/sequence/3`.
 
     The same name gives the same task for ever; tasks that differ belong to a suite of another name. A user writes
-    `suite:unicycle/sequence/7`, with the suite's own name before the colon. In results the task has the name
+    `suite:unicycle/sequence/3`, with the suite's own name before the colon. In results the task has the name
     `suite-unicycle-sequence-7`.
     """
 

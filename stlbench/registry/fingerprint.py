@@ -49,7 +49,7 @@ class Code:
             path = _path(name)
             if path is None or _digest(path) != digest:
                 return str(path or name)
-        packages = (name for name, version in self.packages if version_of(name) != version)
+        packages = (name for name, version in self.packages if _version(name) != version)  # not as it was once
         return next(packages, None)
 
 
@@ -224,19 +224,25 @@ def _versions(top: str, packages: bool) -> dict[str, str] | None:
     origin, folders = _place(top)
     if top in sys.stdlib_module_names or top == "stlbench" or not (origin or folders):
         return {}
-    place = Path(origin or folders[0])
-    if not _INSTALLED.intersection(place.parts):
+    place = origin or folders[0]
+    if not _INSTALLED.intersection(Path(place).parts):
         return None
     named = _distributions(top, place) if packages else ()
     return {name: version_of(name) for name in named} if named or not packages else None
 
 
+def distributions(top: str) -> tuple[str, ...]:
+    """The distributions that have a top-level module."""
+    origin, folders = _place(top)
+    return _distributions(top, origin or next(iter(folders), ""))
+
+
 @lru_cache(maxsize=1024)
-def _distributions(top: str, place: Path) -> tuple[str, ...]:
-    """The distributions that have this module. Most have its name; to search all takes half a second."""
+def _distributions(top: str, place: str) -> tuple[str, ...]:
+    """Of a module at a place. Most have its name; to search all takes half a second."""
     try:
         named = metadata.distribution(top)
-        if place.is_relative_to(str(named.locate_file(top))):
+        if Path(place).is_relative_to(str(named.locate_file(top))):
             return (named.metadata["Name"],)
     except metadata.PackageNotFoundError:
         pass
@@ -251,6 +257,11 @@ def all_distributions() -> dict[str, list[str]]:
 
 @lru_cache(maxsize=1024)
 def version_of(distribution: str) -> str:
+    """The version that was installed when this process asked first."""
+    return _version(distribution)
+
+
+def _version(distribution: str) -> str:
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

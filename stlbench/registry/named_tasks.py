@@ -38,7 +38,7 @@ def is_address(text: str) -> bool:
 
 
 def named(address: str) -> tuple[str, ...]:
-    """The names of the tasks of an address: `suite:unicycle/sequence/7`, or `suite:unicycle`, or a split, `suite:dev`.
+    """The names of the tasks of an address: `suite:unicycle/sequence/3`, or `suite:unicycle`, or a split, `suite:dev`.
 
     Raises `UsageError` where there is no such suite, or none of its tasks is meant.
     """
@@ -98,7 +98,7 @@ def is_path(name: str) -> bool:
 
 def parse_task(text: str) -> Choice:
     """A task by its name, by its folder's path, or by its address in a suite, with or without parameters:
-    `./my-task[hold=2]`, `suite:unicycle/sequence/7`.
+    `./my-task[hold=2]`, `suite:unicycle/sequence/3`.
 
     Raises `UsageError` where the text is none of these, the folder is no task (`know`), or several are meant.
     """

@@ -205,7 +205,7 @@ class SuitePlugin(Plugin):
     """A task of a suite, in the place of an entry point."""
 
     suite: Plugin
-    member: str  # its name within the suite: unicycle/sequence/7
+    member: str  # its name within the suite: unicycle/sequence/3
 
     @property
     def file(self) -> str:

@@ -242,6 +242,10 @@ def _crowds(policies: Sequence[Policy | StatePolicy], most: int) -> Iterator[tup
         yield crowd, len(crowd.policies)
 
 
+def _means(satisfied: Truth, robustness: Array) -> tuple[float, float]:
+    return float(satisfied.mean()), float(robustness.mean())
+
+
 _FEW = 8  # starts of a glance, about
 
 
@@ -264,14 +268,25 @@ class Referee:
         for name, protocol in task.file.protocols.items():
             formula = task.formula if protocol.formula is None else protocol.formula
             self._protocols[name] = formula, task.starts.of_protocol(protocol)
+        self._selected = dict[int, tuple[Policy | StatePolicy, Truth, Array]]()
 
     def select(self, policy: Policy | StatePolicy) -> tuple[float, float]:
-        """Satisfaction and mean robustness from the starts for selection, which share no state with the report's."""
-        return self._means(policy, self._selection)
+        """Satisfaction and mean robustness from the starts for selection, which share no state with the report's.
+
+        `choose` does not play such a policy again.
+        """
+        satisfied, robustness = self._verdicts([policy], self._selection)
+        self._selected[id(policy)] = policy, satisfied[0], robustness[0]
+        return _means(satisfied, robustness)
 
     def glance(self, policy: Policy | StatePolicy) -> tuple[float, float]:
         """As `select`, from a few of these starts, while a training goes on."""
-        return self._means(policy, self._selection[:: max(1, len(self._selection) // _FEW)])
+        return _means(*self._verdicts([policy], self._selection[:: max(1, len(self._selection) // _FEW)]))
+
+    def look(self, policy: Policy | StatePolicy) -> tuple[float, float]:
+        """As `glance`, but from all of these starts where it satisfies from the few."""
+        few = self.glance(policy)
+        return self.select(policy) if few[0] == 1 else few
 
     def choose(self, policies: Sequence[Policy | StatePolicy], most: int | None = None) -> Race:
         """The best of the checkpoints (K,), by a race on the starts for selection, or on the first `most` of them.
@@ -282,18 +297,19 @@ class Referee:
         begun = self._selection[:most]
 
         def play(which: Integers, part: slice) -> tuple[Truth, Array]:
-            return self._verdicts([policies[i] for i in which], begun[part])
+            left = [policies[i] for i in which if id(policies[i]) not in self._selected]
+            played = iter(zip(*self._verdicts(left, begun[part]), strict=True)) if left else iter(())
+            known = (self._selected.get(id(policies[i])) for i in which)
+            rows = [next(played) if each is None else (each[1][part], each[2][part]) for each in known]
+            return np.stack([row for row, _ in rows]), np.stack([row for _, row in rows])
 
         result = race(play, len(policies), len(begun))
         best = result.best
         if result.starts[best] < len(begun):
-            result.satisfaction[best], result.robustness_mean[best] = self._means(policies[best], begun)
+            means = _means(*play(np.array([best]), slice(0, len(begun))))
+            result.satisfaction[best], result.robustness_mean[best] = means
             result.starts[best] = len(begun)
         return result
-
-    def _means(self, policy: Policy | StatePolicy, states: Array) -> tuple[float, float]:
-        satisfied, robustness = self._verdicts([policy], states)
-        return float(satisfied.mean()), float(robustness.mean())
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness (k, n) of each of k policies from each of n starts."""

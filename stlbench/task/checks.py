@@ -84,7 +84,8 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
         places[f"protocols.{name}.formula"] = (protocol or {}).get("formula")
     for name, schedule in (parts.get("schedules") or {}).items():
         places[f"schedules.{name}"] = schedule
-        yield from _no_terms(f"schedules.{name}", schedule)
+        if timing.known:
+            yield from _no_terms(f"schedules.{name}", schedule)
     formulas = {place: formula for place, formula in places.items() if formula is not None}
     steps, main = parts.get("steps"), formulas.get("formula")
     for place, formula in formulas.items():

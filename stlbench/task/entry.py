@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -22,7 +23,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 class Entry(BaseModel):
     """A mapping of the file. It has the keys that are declared and no others."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
 
 
 Parts = Mapping[str, Any]
@@ -95,6 +96,8 @@ def read_both(value: Any) -> Any:
 def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
     if ends[0] > ends[1]:
         raise ValueError(f"low must not exceed high, got {list(ends)}")
+    if math.isinf(ends[1] - ends[0]):
+        raise ValueError(f"low and high are farther apart than any number, got {list(ends)}")
     return ends
 
 

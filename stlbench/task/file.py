@@ -142,9 +142,10 @@ class Budget(Entry):
     deadline: Positive = 3600.0
     """Wall seconds after which a cell is stopped."""
     checkpoints: Count = 20
-    patience: Count | None = None
+    patience: Annotated[int, Field(ge=0)] | None = None
     """Training may end after so many checkpoints without a better one, at the next that satisfies from all starts that
-    are looked at; it lasts for all steps where left out."""
+    are looked at; it lasts for all steps where left out. 0 is at the first that satisfies from all starts for
+    selection."""
     seconds: Positive | None = None
     """Training ends at the first checkpoint after so many wall seconds. The result then depends on the machine, so
     leave it out where methods are compared."""

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.util import find_spec
 from traceback import walk_tb
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -22,7 +23,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
 from stlbench.errors import UsageError, cause, did_you_mean, one_line
-from stlbench.registry.fingerprint import all_distributions
+from stlbench.registry.fingerprint import distributions
 from stlbench.task.file import Api
 from stlbench.task.gym_spaces import as_action
 
@@ -222,15 +223,17 @@ def _hint(identifier: str) -> str:
 def _missing(error: BaseException | None) -> str:
     while error is not None:
         if isinstance(error, ModuleNotFoundError) and error.name:
-            return error.name.partition(".")[0]
+            library = error.name.partition(".")[0]
+            there = sys.modules.get(library) or find_spec(library)  # then only a module of it is missing
+            return "" if there else library
         error = error.__cause__
     return ""
 
 
 def software(env: Gym) -> tuple[tuple[str, str], ...]:
     """Distribution -> version, of the environment's modules, of what they import, and of their engines."""
-    tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS
-    names = {each for top in tops for each in all_distributions().get(top, ())}
+    tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS - sys.stdlib_module_names
+    names = {each for top in tops for each in distributions(top)}
     names |= {engine for each in names for engine in _engines(each)}
     return tuple(sorted((name, _version(name)) for name in names))
 

@@ -14,9 +14,11 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
+from stlbench import stl
 from stlbench.contract import Array
 from stlbench.errors import UsageError, cause
 from stlbench.registry.plugins import PluginWarning
+from stlbench.stl.language.expressions import DOTS
 from stlbench.task.gym_make import Gym, begun, made, stepped
 from stlbench.task.gym_spaces import LARGE, Entries, Names, Observed, entries_of, outside_space
 
@@ -160,20 +162,42 @@ def _entries(space: Space[Any], identifier: str) -> tuple[Names, dict[str, _Ends
         by_hand = "write the task file by hand, with signals over entries of the info, or a class of GymTask"
         raise UsageError(f"its observation has {count} numbers, more than the {_MOST} that are named here; {by_hand}")
     documented = names_of(identifier, count) if whole else None
-    named = {key: documented or _numbered(key, box) for key, box in boxes.items()}
+    named = {"o": documented} if documented else _numbered(boxes)
     ends = {name: pair for key, box in boxes.items() for name, pair in zip(named[key], _ends(box), strict=True)}
     return named["o"] if whole else named, ends
 
 
-def _numbered(name: str, space: Box) -> list[str]:
-    """`o0`, `o1`, ..., or the name itself if there is one entry."""
-    count, plain = prod(space.shape), "".join(each if each.isalnum() else "_" for each in name)
-    return [plain] if count == 1 else [f"{plain}{i}" for i in range(count)]
+def _numbered(boxes: Mapping[str, Box]) -> dict[str, list[str]]:
+    """Key -> `o0`, `o1`, ..., or the key itself if there is one entry; all differ."""
+    named, taken = dict[str, list[str]](), set[str]()
+    for key, box in boxes.items():
+        numbers = [""] if prod(box.shape) == 1 else map(str, range(prod(box.shape)))
+        names = [_as_signal(f"{key}{number}") for number in numbers]
+        while taken.intersection(names):
+            names = [f"{name}_" for name in names]
+        taken.update(names)
+        named[key] = names
+    return named
+
+
+def _as_signal(name: str) -> str:
+    """The name as a formula can have it: `x_y` for "x y", and `o_min` for the name of a function."""
+    plain = "".join(each if each not in DOTS and f"_{each}".isidentifier() else "_" for each in name)
+    try:
+        return plain if [*stl.signals(stl.parse_expression(plain))] == [plain] else f"o_{plain}"
+    except stl.StlSyntaxError:
+        return f"o_{plain}"
 
 
 def _ends(space: Box) -> list[_Ends]:
     pairs = zip(space.low.ravel().tolist(), space.high.ravel().tolist(), strict=True)
-    return [(_said(low), _said(high)) if low < high else (None, None) for low, high in pairs]
+    return [_rounded(low, high) if low < high else (None, None) for low, high in pairs]
+
+
+def _rounded(low: float, high: float) -> _Ends:
+    """The ends to four digits, unless they are equal then."""
+    rounded = _said(low), _said(high)
+    return (float(low), float(high)) if None not in rounded and rounded[0] == rounded[1] else rounded
 
 
 def _said(end: float) -> float | None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import atexit
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from typing import Any, Literal, TypeAlias
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces import Box
 
 from stlbench.contract import Array, GymTask, cause
 from stlbench.errors import UsageError
@@ -53,6 +54,7 @@ class GymSource:
         self._modes: Sequence[str] = first.metadata.get("render_modes") or ()
         self.action_space = first.action_space
         self.entries = entries_of(first.observation_space, entry.names)
+        self._is_box = isinstance(first.observation_space, Box)  # its flat numbers are the named entries
         self.observed = Observed(first.observation_space, self.entries, entry.scale)
         self.software, self.modules = software(first), modules(first)
         self.function = signals
@@ -74,12 +76,14 @@ class GymSource:
             if wrong := {np.size(each) for each in seen} - {self.observed.size}:
                 raise ValueError(f"{min(wrong)} numbers in place of {self.observed.size}")
             flat = np.array(seen, dtype=np.float64)
+        except LookupError as error:
+            raise outside_space(cause(error)) from error
         except (TypeError, ValueError) as error:
             raise outside_space(str(error)) from error
         if self.function is not None:
             return flat, np.stack([numbers(self.function(*sample), len(self.signals)) for sample in samples])
         named = flat if self.entries.names else flat[:, :0]
-        if self.entries.keys:  # names stand for a part of the observation
+        if self.entries.names and not self._is_box:
             named = np.concatenate([self.entries.read(observation, 1) for observation, _ in samples])
         return flat, self.expressions.values(named, [info for _, info in samples])
 
@@ -132,7 +136,7 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
     texts = {name: signal.expression or name for name, signal in file.signals.items()}
     try:
         if kind.make is GymTask.make and kind.signals is GymTask.signals:
-            source = _shared(entry.model_dump_json(), json.dumps(texts))
+            source = _shared(_Shared(repr((entry, texts)), entry, texts))
         else:
             source = _of_class(entry, task, texts)
         _check_actions(file.actions, source.axes)
@@ -141,11 +145,20 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
     return source
 
 
+@dataclass(frozen=True)
+class _Shared:
+    """An entry and its expressions as they are, compared by how Python writes them: JSON has no infinity."""
+
+    written: str
+    entry: Environment = field(compare=False)
+    texts: Mapping[str, str] = field(compare=False)
+
+
 @lru_cache(maxsize=8)  # few, as each source keeps its copies
-def _shared(environment: str, texts: str) -> GymSource:
-    """Sources by the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
-    entry = Environment.model_validate_json(environment)
-    return GymSource(partial(_by_id, entry), entry, json.loads(texts))
+def _shared(by: _Shared) -> GymSource:
+    """Sources by entry and expressions, so that tasks on one environment share its copies."""
+    entry = by.entry.model_copy(deep=True)  # no environment changes what the task's file says
+    return GymSource(partial(_by_id, entry), entry, by.texts)
 
 
 def _of_class(entry: Environment, task: GymTask, texts: Mapping[str, str]) -> GymSource:
@@ -178,6 +191,8 @@ def _by_id(entry: Environment, render_mode: RenderMode) -> Gym:
 
 def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> None:
     if not declared:
+        if all(axis.low == axis.high for axis in axes):
+            raise UsageError("actions: the environment has none, or one value for each: there is nothing to choose")
         if not all(math.isfinite(axis.high - axis.low) for axis in axes):
             raise UsageError("actions: those of the environment have no ends; give each with its low and high")
         return
@@ -187,7 +202,9 @@ def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> N
         if own.values is not None and (axis.low, axis.high, axis.count) != (own.low, own.high, own.values):
             rule = f"low: {own.low:g}, high: {own.high:g}, count: {own.values}"
             raise UsageError(f"actions.{name}: the environment takes whole numbers, so it should be {{{rule}}}")
-        if not own.low <= axis.low < axis.high <= own.high:
+        with np.errstate(over="ignore"):  # in single precision, as most environments have their ends
+            least, low, high, most = np.array([own.low, axis.low, axis.high, own.high]).astype(np.float32)
+        if not (least <= low and axis.low < axis.high and high <= most):
             raise UsageError(
                 f"actions.{name}: the environment takes {own.low:g} to {own.high:g}, got {axis.low:g} to {axis.high:g}"
             )

@@ -68,7 +68,8 @@ def as_action(space: Space[Any], vector: Array) -> Any:
     """The action that an environment with that action space takes, for a vector (axes,)."""
     if isinstance(space, Discrete):
         return np.int64(vector[0])
-    return vector.reshape(space.shape).astype(space.dtype)
+    shaped = vector.reshape(space.shape)
+    return (np.rint(shaped) if np.issubdtype(space.dtype, np.integer) else shaped).astype(space.dtype)
 
 
 Names: TypeAlias = Sequence[str] | Mapping[str, Sequence[str]]
@@ -188,6 +189,8 @@ class Observed:
         named = _named(space, entries)
         self._names = {place: name for name, place in named.items()}
         for name, magnitude in scale.items():
+            if name in entries.names and name not in named:
+                raise UsageError(f"scale: '{name}' is of a Discrete observation, which has a 0 or 1 for each value")
             if name not in named:
                 raise UsageError(f"scale: no entry '{name}'{did_you_mean(name, named)}")
             self._middle[named[name]], self._reach[named[name]] = 0.0, magnitude
@@ -207,8 +210,16 @@ class Observed:
         return replace(shown, size=self.size, names=names, middle=middle, reach=reach)
 
     def flat(self, observation: Any) -> Array:
-        """The numbers (d,) of one observation, as they are."""
-        flat: Any = observation if self._plain else spaces.flatten(self._space, observation)
+        """The numbers (d,) of one observation, as they are. Raises errors of many kinds if it is not of the space."""
+        if self._plain:
+            return cast(Array, observation)
+        parts = [(self._space, observation)]
+        if isinstance(self._space, Dict):
+            parts = [(part, observation[key]) for key, part in self._space.spaces.items()]
+        for part, value in parts:  # else the value before the first would count as the last
+            if isinstance(part, Discrete | MultiDiscrete) and np.any(np.asarray(value) < part.start):
+                raise ValueError(f"{value!r} is none of {part}")
+        flat: Any = spaces.flatten(self._space, observation)
         return cast(Array, flat)
 
     def scaled(self, flat: Array) -> Array:
@@ -256,14 +267,16 @@ def _flattened(space: Space[Any]) -> Box | None:
 
 
 def _named(space: Space[Any], entries: Entries) -> dict[str, int]:
-    """The place of each named entry among the numbers of a flat observation."""
+    """The place of each named entry among the numbers of a flat observation. Discrete ones have a number per value."""
     if entries.keys is None or not isinstance(space, Dict):
-        return {name: place for place, name in enumerate(entries.names)}
-    begin, places = 0, dict[str, range]()
+        return {name: place for place, name in enumerate(entries.names) if isinstance(space, Box | MultiBinary)}
+    begin, places = 0, dict[str, Sequence[int | None]]()
     for key, part in space.spaces.items():
-        places[key] = range(begin, begin + prod(part.shape or ()))
+        size = prod(part.shape or ())
+        places[key] = range(begin, begin + size) if isinstance(part, Box | MultiBinary) else [None] * size
         begin += spaces.flatdim(part)
-    return dict(zip(entries.names, chain.from_iterable(places[key] for key in entries.keys), strict=True))
+    pairs = zip(entries.names, chain.from_iterable(places[key] for key in entries.keys), strict=True)
+    return {name: place for name, place in pairs if place is not None}
 
 
 class Expressions:

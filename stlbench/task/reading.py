@@ -27,6 +27,27 @@ MOST = 200_000
 """Values that a file may have, each alias counted as what it stands for."""
 
 
+_POWER = re.compile(r"[-+]?(?:[0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)[eE][-+]?[0-9]+$")
+"""Numbers with an exponent. PyYAML takes only those with a point and a sign, such as 1.0e-3, and 1e-3 as a text."""
+
+
+class _Loader(yaml.SafeLoader):
+    pass
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes each text that `_Loader` would read as a number."""
+
+
+for _kind in (_Loader, _Dumper):
+    _kind.add_implicit_resolver("tag:yaml.org,2002:float", _POWER, list("-+.0123456789"))
+
+
+def dump_yaml(content: Any, **layout: Any) -> str:
+    """A text that `load_yaml` reads, with the keys in their order."""
+    return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, **layout))
+
+
 def load_yaml(text: str, place: str) -> Any:
     """The content of a text, which comes from `place`. It has the escapes of characters that no terminal takes.
 
@@ -58,7 +79,7 @@ class _TwiceError(Exception):
 
 
 def _loaded(text: str) -> Any:
-    loader = yaml.SafeLoader(text)
+    loader = _Loader(text)
     try:
         node = loader.get_single_node()
         _check(node, set())

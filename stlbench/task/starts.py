@@ -182,15 +182,15 @@ def _blocks(region: Region, count: int) -> Iterator[Array]:
             raise UsageError(f"initial states: the one state breaks the condition '{region.where}'")
         while True:
             yield np.repeat(region.low[None], count, axis=0)
-    rest, drawn = np.empty((0, len(region.low))), 0
+    rest, drawn, size = np.empty((0, len(region.low))), 0, max(count, _MANY)
     while True:
         for _ in range(_ROUNDS):
             if len(rest) >= count:
                 break
-            states = np.tile(region.low, (count, 1))
+            states = np.tile(region.low, (size, 1))
             # Point 0 of the sequence is left out: it is the region's lowest corner.
-            states[:, free] += _halton(drawn + 1, count, len(free)) * (region.high - region.low)[free]
-            drawn += count
+            states[:, free] += _halton(drawn + 1, size, len(free)) * (region.high - region.low)[free]
+            drawn += size
             rest = np.concatenate([rest, region.keep(states)])
         else:
             raise _hopeless(region)

@@ -90,7 +90,8 @@ class Task:
     @cached_property
     def actions(self) -> Actions:
         """The grid of actions, or their box; those of the environment if the file has none."""
-        declared = self.file.actions or {axis.name: Axis(**axis.ends) for axis in self.source.axes}
+        # An environment may have an axis of one value beside others, which a file may not declare: not checked.
+        declared = self.file.actions or {axis.name: Axis.model_construct(**axis.ends) for axis in self.source.axes}
         names, axes = tuple(declared), declared.values()
         if any(axis.count is None for axis in axes):
             return ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))

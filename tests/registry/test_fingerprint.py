@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import sys
 
 import pytest
@@ -193,6 +194,16 @@ def test_what_has_changed_is_named(site):
     assert code.changed is None
     (root / "zz_pack/data.csv").write_text("1,3\n")
     assert code.changed == str(root / "zz_pack/data.csv")
+
+
+def test_an_upgrade_of_what_is_imported_is_seen_by_the_same_process(site):
+    site("acme", "", {"zz_mine.py": "import zz_lib\n"})
+    root = site("zz-lib", "", {"zz_lib/__init__.py": ""}, folder="site-packages")
+    code = code_of("zz_mine")
+    assert (code.packages, code.changed) == ((("zz-lib", "1.2"),), None)
+    shutil.rmtree(root / "zz_lib-1.2.dist-info")
+    site("zz-lib", "", version="1.3", folder="site-packages")
+    assert code.changed == "zz-lib"
 
 
 def test_an_edit_that_keeps_size_and_second_is_seen(site):

@@ -28,13 +28,19 @@ from stlbench.stl.recorded.evaluator import value_range
         ("!(F[0,2] x <= 1)", 9.0, -11.0),
         ("G[0,1] x >= 0 | G[2,3] x <= 0", 10.0, -10.0),
         ("x >= 0 -> F[0,1] y >= 0", 10.0, -1.0),
-        ("x >= 0 U[0,3] y >= 0", 1.0, -10.0),
+        ("x >= 0 U[0,3] y >= 0", 1.0, -1.0),
+        ("x >= 9 U[2,3] y >= 0", 1.0, -19.0),
+        ("y >= 0 U[2,3] x >= 0", 1.0, -10.0),
+        ("x >= 0 R[0,3] y >= 0", 1.0, -1.0),
+        ("y >= 0 R[2,3] x >= 0", 10.0, -1.0),
+        ("G[9,9] (x >= 0 S[0,3] y >= 0)", 1.0, -1.0),
+        ("G[9,9] (y >= 0 S[2,3] x >= 0)", 1.0, -np.inf),
         ("True", np.inf, np.inf),
     ],
 )
 def test_table(formula: str, greatest: float, least: float) -> None:
     box = {"x": (-10.0, 10.0), "y": (-1.0, 1.0)}
-    found = value_range(stl.parse(formula), specification(formula, box, steps=5).range)
+    found = value_range(stl.parse(formula), specification(formula, box, steps=9).range)
     assert found == pytest.approx((least, greatest))
 
 
@@ -162,6 +168,7 @@ def test_what_is_left_to_a_method_that_can_end() -> None:
         ("interval", "G[0,4] x <= 0.75", -9.25, False, {"G[0,4] x <= 0.75": 4}),  # violated whatever follows
         ("interval", "G[0,4] x <= 2", -8.0, False, {"ended early, verdict open": 4}),
         ("interval", "F[0,4] x >= 1", 0.0, True, {}),  # satisfied whatever follows
+        ("violated", "x >= 5 U[0,4] x <= 0.75", -9.25, False, {"ended early": 4}),  # at the first step x may be 10
     ],
 )
 def test_how_an_early_end_is_judged(

@@ -191,6 +191,31 @@ def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
         env.step(np.array([1.5], np.float32))
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.int16, np.int64])
+def test_whole_numbers_of_any_type_are_actions(kind: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = {"grid": line(), "box": line(actions={"v": {"low": -1, "high": 1}})}
+    monkeypatch.setattr("stlbench.simulation.gymnasium.env.load_task", tasks.__getitem__)
+    actions: dict[str, Any] = {"grid": kind(2), "box": np.array([1], np.int8)}
+    for name, given in actions.items():
+        env, envs = StlEnv(name, "raw"), StlVectorEnv(2, name, "raw")
+        env.reset(options={"state": [0]})
+        envs.reset(options={"state": [0]})
+        assert env.step(given)[0][0] == 0.5
+        assert envs.step(np.stack([given, given]))[0][:, 0].tolist() == [0.5, 0.5]
+
+
+def test_an_action_of_a_wider_type_is_told_the_right_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = line(actions={"v": {"low": -1, "high": 1}})
+    monkeypatch.setattr("stlbench.simulation.gymnasium.env.load_task", lambda name: task)
+    env, envs = StlEnv("line", "raw"), StlVectorEnv(2, "line", "raw")
+    with pytest.raises(InvalidAction, match=r"got array\(\[0\.5\]\) of float64; it should be float32$"):
+        env.step(np.array([0.5]))
+    with pytest.raises(InvalidAction, match=r"of float64; it should be float32$"):
+        envs.step(np.array([[0.5], [0.5]]))
+    with pytest.raises(InvalidAction, match=r"got array\(\[1\.5\], dtype=float32\)$"):
+        env.step(np.array([1.5], np.float32))
+
+
 @pytest.mark.parametrize(
     ("method", "terminated", "paid"),
     [

@@ -185,3 +185,12 @@ def test_a_pickle_is_made_again_the_same() -> None:
     one, other = (each.reset(seed=3)[0] for each in (env, copy))
     assert [*one] == [*other]
     assert all((one[robot] == other[robot]).all() for robot in one)
+
+
+def test_whole_numbers_are_actions_where_actions_are_continuous(monkeypatch: pytest.MonkeyPatch) -> None:
+    axes = {"v": {"low": -1, "high": 1}, "w": {"low": -2, "high": 2}}
+    monkeypatch.setattr("stlbench.simulation.gymnasium.env.load_task", lambda name: pair(actions=axes))
+    env = parallel_env("pair", "raw")
+    env.reset(options={"state": [0, 0]})
+    samples = env.step({"left": np.array([1], np.int8), "right": np.array([-2], np.int8)})[4]["left"]["signals"]
+    assert samples.tolist() == [[0.5, -1]]

@@ -168,6 +168,25 @@ class TestReferee:
         assert abs(others[:8].mean() - others.mean()) < 0.1
         assert np.ptp(others[:8]) > 1.5
 
+    def test_a_policy_that_was_looked_at_is_not_played_again(self) -> None:
+        """It satisfies from all starts for selection. The other is played."""
+        task = line(starts=16, formula="G[0,8] (x <= 20)")
+        seen_by = list[int]()
+
+        def still(seen: Array) -> Integers:
+            seen_by.append(len(seen))
+            return np.zeros(len(seen), dtype=np.int64)
+
+        referee, looked, other = Referee(task, Probe(task.specification)), Rule(still), Rule(lambda seen: UP)
+        assert referee.look(looked) == referee.select(looked)
+        seen_by.clear()
+        found = referee.choose([other, looked])
+        assert seen_by == []
+        assert found.best == 1
+        scored = (found.satisfaction[1], found.robustness_mean[1])
+        assert scored == pytest.approx(Referee(task, Probe(task.specification)).select(looked))
+        assert referee.choose([looked]).starts.tolist() == [16]
+
     def test_no_reward_enters_a_score(self) -> None:
         class Absurd(Probe):
             def step(

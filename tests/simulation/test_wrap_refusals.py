@@ -15,6 +15,7 @@ from gymnasium.wrappers import TimeLimit
 from helpers.walk_env import BASE, RIGHT, STAY, Walk, played, wrapped
 
 import stlbench
+from stlbench import stl
 from stlbench.contract import RewardMethod
 from stlbench.errors import UsageError
 from stlbench.simulation.gymnasium.wrap import steps_of, steps_of_copies
@@ -27,6 +28,13 @@ from stlbench.simulation.gymnasium.wrap import steps_of, steps_of_copies
         ({"formula": "G[0,4] x <"}, "formula: line 1, column 11: expected"),
         ({"formula": "G[0,5] x <= 1"}, "formula: its horizon of 5 steps exceeds the 4 steps of an episode"),
         ({"formula": "G[0,.3] x <= 1", "dt": 0.2}, "formula: line 1, column 5: expected a whole number of steps"),
+        ({"formula": "G[0,4] x <= 1", "dt": -3}, "formula: dt is the sampling time in seconds and must be positive"),
+        (
+            {"formula": stl.parse("G[0,4] x <= 1"), "dt": -3},
+            "formula: dt is the sampling time in seconds and must be p",
+        ),
+        ({"formula": stl.parse("G[0,4] x <= 1"), "dt": float("nan")}, "formula: dt is the sampling time .*, got nan"),
+        ({"formula": stl.parse("G[0,4] x <= 1"), "dt": "fast"}, "formula: must be real number, not str"),
         ({"signals": {"y": "x"}, "formula": "G[0,4] y <= 1"}, "ranges: none for the signal 'y'"),
         ({"signals": {"y": "x"}, "ranges": {"x": (0, 1), "y": (0, 1)}}, "ranges: no signal 'x'; there are: y"),
         ({"ranges": {"x": (1, 1)}}, r"ranges: 'x' has \(low, high\), finite and low < high, got \(1, 1\)"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import sys
+import types
 from importlib.metadata import version
 
 import pytest
 
 from stlbench.errors import UsageError
 from stlbench.task.file import Api
-from stlbench.task.gym_make import made, software
+from stlbench.task.gym_make import _missing, made, software
 
 
 def test_the_software_of_an_environment_is_what_its_modules_import() -> None:
@@ -55,9 +56,17 @@ def test_a_library_that_an_extra_brings_is_named_with_it(
         ("CartPoel-v1", {}, "no environment 'CartPoel-v1'; did you mean 'CartPole-v1'"),
         ("CartPole-v1", {"gravity": 3}, "environment CartPole-v1 cannot be made: TypeError: .*gravity"),
         ("no_such_module:Pole-v0", {}, "environment no_such_module:Pole-v0 cannot be made: ModuleNotFoundError"),
+        ("gymnasium.no_such:Pole-v0", {}, ".* cannot be made: .* No module named 'gymnasium.no_such'"),
+        ("mujoco.no_such:Pole-v0", {}, ".* cannot be made: .* No module named 'mujoco.no_such'"),  # mujoco is there
         ("CartPole-v99", {}, "no environment 'CartPole-v99'; did you mean 'CartPole-v1'"),
     ],
 )
 def test_what_cannot_be_made_is_said_in_a_line(identifier: str, keywords: dict[str, int], said: str) -> None:
     with pytest.raises(UsageError, match=f"^{said}[^\n]*$"):
         made(identifier, keywords)
+
+
+def test_a_stub_of_a_library_is_no_missing_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "stub", types.ModuleType("stub"))
+    assert _missing(ModuleNotFoundError("no stub.part", name="stub.part")) == ""
+    assert _missing(ModuleNotFoundError("no nowhere.part", name="nowhere.part")) == "nowhere"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gymnasium
 import pytest
+from gymnasium.spaces import Box, Dict
 
-from stlbench.task.gym_sketch import _ALIKE, _OF, names_of
+from stlbench import stl
+from stlbench.task.gym_sketch import _ALIKE, _OF, _entries, names_of
 
 
 @pytest.mark.parametrize("name", sorted({*_OF, *_ALIKE}))
@@ -46,3 +48,29 @@ def test_joints_stand_in_the_order_of_the_mujoco_model(identifier: str) -> None:
         assert differ[1] == f"v_{differ[0]}"
         assert differ[0].startswith("left_") == ("left" in joint.name)
         assert differ[0].removeprefix("left_") in joint.name.replace("left_", "")
+
+
+def test_the_entries_of_a_draft_have_names_that_formulas_can_have() -> None:
+    pair, one = Box(-1, 1, (2,)), Box(-1, 1, (1,))
+    space = Dict({"a": pair, "a1": one, "1st": pair, "min": one, "pi": one, "²": one, "x y": one, "F": one, "": one})
+    names, ends = _entries(space, "Made-v0")
+    assert names == {
+        "a": ["a0", "a1"],
+        "a1": ["a1_"],
+        "1st": ["o_1st0", "o_1st1"],
+        "min": ["o_min"],
+        "pi": ["o_pi"],
+        "²": ["_"],
+        "x y": ["x_y"],
+        "F": ["F"],
+        "": ["o_"],
+    }
+    assert all([*stl.signals(stl.parse(f"G[0,3] abs({name}) <= 0.5"))] == [name] for name in ends)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.99999, 1.0, (0.99999, 1.0)), (-4.8000002, 4.8000002, (-4.8, 4.8)), (0.0, 1e38, (0.0, None))],
+)
+def test_the_ends_of_a_draft_are_round_unless_they_are_equal_then(low: float, high: float, expected: object) -> None:
+    assert _entries(Box(low, high, (1,), "float64"), "Made-v0")[1] == {"o": expected}

@@ -11,7 +11,7 @@ from helpers.line_task import text
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.task.entry import Region
-from stlbench.task.reading import load_yaml, read, read_task_file
+from stlbench.task.reading import dump_yaml, load_yaml, read, read_task_file
 
 
 def errors(**changes: Any) -> list[str]:
@@ -105,6 +105,7 @@ class TestMessages:
             (ends("G[0,1] x <= 1"), f"training.ends.0.where: {PLAIN}, got G[0,1] x <= 1"),
             ({"formula": "F[0,4] x >= 1"} | ends("violation"), "training.ends.0.where: 'violation' is of a term G"),
             ({"terminated": "violated"} | ends("lost"), "training.ends.0.where: 'lost' is of episodes whose last"),
+            ({"initial": {"box": {"x": [-1e308, 1e308]}}}, "initial.box.x: low and high are farther apart than any"),
             ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
             ({"actions": {"v": UNIT | {"count": 2}, "w": UNIT}}, "actions: give each axis a count, for a grid, or"),
         ],
@@ -159,6 +160,11 @@ class TestMessages:
             "protocols.late.initial.where: no state 'y'; there are: x",
         ]
 
+    def test_an_unknown_unit_says_nothing_of_the_terms_of_a_schedule(self) -> None:
+        changes = {"schedules": {"late": "F x >= 1"}}
+        assert errors(steps="abc", **changes) == ["steps: should be a whole number"]
+        assert read_task_file(text(**changes), "line").schedules["late"] == stl.parse("F[0,8] x >= 1")
+
     def test_what_has_two_forms(self) -> None:
         expected = ["environment.names: expected a list", "environment.names: expected a mapping, {key: value}"]
         assert errors(environment={"names": 3}) == expected
@@ -186,6 +192,23 @@ class TestMessages:
     def test_a_key_may_override_what_is_merged(self) -> None:
         text = "x: &x {low: 0, high: 1}\ny: &y\n  <<: *x\n  low: 2\nz:\n  <<: *y\n  high: 3\n"
         assert load_yaml(text, "here")["z"] == {"low": 2, "high": 3}
+
+    @pytest.mark.parametrize(
+        ("text", "value"),
+        [
+            ("1e-3", 0.001),
+            ("-2E0", -2.0),
+            ("[+.5e3, 1.5e3]", [500.0, 1500.0]),
+            ("1_0e2", 1000.0),
+            ("'1e3'", "1e3"),
+            ("[e3, 1e, 1e-3x, v1e3]", ["e3", "1e", "1e-3x", "v1e3"]),
+            ("{1e-3: 2e3}", {0.001: 2000.0}),
+        ],
+    )
+    def test_a_number_may_have_an_exponent_without_a_point(self, text: str, value: Any) -> None:
+        read = load_yaml(text, "here")
+        assert repr(read) == repr(value)
+        assert repr(load_yaml(dump_yaml({"k": read}), "here")) == repr({"k": value})
 
     @pytest.mark.parametrize(
         "content", ["", "- a\n- b", "words", "title: [", "title: !!python/object/apply:os.getcwd []"]

@@ -43,6 +43,12 @@ class TestSample:
 
 
 class TestGrid:
+    def test_few_states_of_a_small_part_of_the_box_are_found(self) -> None:
+        strip = Region(box={"x": (0, 1), "y": (0, 1)}, where="x >= 0.15 & x <= 0.156")
+        many = starts.grid(strip, 64)
+        for count in (1, 4):
+            assert np.array_equal(starts.grid(strip, count), many[:count])
+
     def test_is_the_same_at_every_call_and_fulfils_the_condition(self) -> None:
         states = starts.grid(DISC, 64)
         assert np.array_equal(states, starts.grid(DISC, 64))

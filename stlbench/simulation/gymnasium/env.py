@@ -117,6 +117,18 @@ def _undrawn(task: Task) -> str:
     return "" if isinstance(task.dynamics, Drawn) else "the task has no picture of itself"
 
 
+def _array(space: Any, action: Any) -> NDArray[Any]:
+    """An action of the space as an array. Gymnasium has whole numbers of any type in a Discrete space and in a Box."""
+    given = np.asarray(action)
+    return given if given.dtype.kind == space.dtype.kind else given.astype(space.dtype)
+
+
+def _got(space: Any, action: Any) -> str:
+    """What was given, with its type if that is what is wrong."""
+    wrong = isinstance(action, np.ndarray) and not np.can_cast(action.dtype, space.dtype)
+    return f"got {action!r}" + (f" of {action.dtype}; it should be {space.dtype}" if wrong else "")
+
+
 def _kind(space: Any) -> str:
     if isinstance(space, Discrete):
         return f"an index in 0..{space.n - 1}"
@@ -166,8 +178,8 @@ class StlEnv(_Copies, gymnasium.Env[Single, Any], EzPickle):
             (hold, k), the samples after each step, and `t`, the time of the last of them in steps.
         """
         if not self.action_space.contains(action):
-            raise InvalidAction(f"an action is {_kind(self.action_space)}, got {action!r}")
-        observation, reward, at_end, info = self._advance(np.asarray(action)[None])
+            raise InvalidAction(f"an action is {_kind(self.action_space)}, {_got(self.action_space, action)}")
+        observation, reward, at_end, info = self._advance(_array(self.action_space, action)[None])
         return observation[0], float(reward[0]), False, at_end, _first(info)
 
     def render(self) -> Pixels | None:
@@ -187,7 +199,7 @@ class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]
     """N copies in lock-step, computed at once. They share the clock, so all episodes end at the same step.
 
     They do what N copies of `StlEnv` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do, number
-    for number.
+    for number. But `reset` takes one seed, and no list of them.
     """
 
     metadata: Info = {  # noqa: RUF012 - declared so by Gymnasium; an instance knows its own
@@ -230,8 +242,9 @@ class StlVectorEnv(_Copies, gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]
             episode. The info has the last ones of the old episode as `final_obs` and `final_info`.
         """
         if not self.action_space.contains(actions):
-            raise InvalidAction(f"{self.num_envs} actions, each {_kind(self.single_action_space)}, got {actions!r}")
-        observation, reward, at_end, info = self._advance(np.asarray(actions))
+            rule = f"{self.num_envs} actions, each {_kind(self.single_action_space)}"
+            raise InvalidAction(f"{rule}, {_got(self.action_space, actions)}")
+        observation, reward, at_end, info = self._advance(_array(self.action_space, actions))
         if at_end:
             final_obs = np.empty(self.num_envs, dtype=object)  # (N,), each a vector (D,), as Gymnasium gives them
             final_obs[:] = list(observation)

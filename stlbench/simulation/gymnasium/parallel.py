@@ -114,7 +114,7 @@ class StlParallelEnv(ParallelEnv[str, Single, Any], EzPickle):
         actions = self.task.actions
         if isinstance(actions, ActionGrid):
             return np.int64(np.ravel_multi_index(own, [part.size for part in actions.parts]))
-        return np.concatenate(own)
+        return np.concatenate([np.asarray(each, np.float32) for each in own])
 
     def _each(self, value: Any) -> dict[str, Any]:
         return {name: np.copy(value) if isinstance(value, np.ndarray) else value for name in self.agents}

@@ -134,8 +134,8 @@ def specify(
     """The specification. Raises `UsageError`: no formula, an unknown signal, a missing range, a long horizon."""
     low, high = _ends(names, ranges)
     try:
-        parsed = stl.parse(formula, dt) if isinstance(formula, str) else formula
-        resolved = stl.resolve_end(parsed, steps)
+        parsed = stl.parse(formula if isinstance(formula, str) else "true", dt)  # which checks dt
+        resolved = stl.resolve_end(parsed if isinstance(formula, str) else formula, steps)
     except (TypeError, ValueError) as error:
         raise UsageError(f"formula: {error}") from error
     for word in sorted(resolved.words.intersection(names)):
