@@ -90,6 +90,7 @@ _NOTES = (
 _COMPARISON = re.compile("[<>]")
 """Each formula has one, and no task's name."""
 _NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?")
+_LONGEST = 10**7  # steps; a method takes up to 40 bytes of memory for each
 _ASK = "You can ask for parameters: --methods 'hprs[later=target],tau-mdp[every=10]'."
 
 
@@ -145,11 +146,13 @@ def _alone(text: str) -> Specification:
         raise UsageError(f"formula: {error}") from error
     if (endless := unbounded(formula)) is not None:
         raise UsageError(f"formula: {endless} has no end without a task; give its interval in steps, as in G[0,100]")
+    if (ahead := stl.horizon(formula)) > _LONGEST:
+        raise UsageError(f"formula: it looks {ahead} steps ahead; without a task at most {_LONGEST} are possible")
     predicates = " ".join(str(node) for node in walk(formula) if isinstance(node, stl.Predicate))
     largest = 10 * max([1.0, *map(float, _NUMBER.findall(predicates))])
     names = stl.signals(formula)
     ends = (largest,) * len(names)
-    return Specification(formula, names, tuple(-end for end in ends), ends, max(1, stl.horizon(formula)), 1.0)
+    return Specification(formula, names, tuple(-end for end in ends), ends, max(1, ahead), 1.0)
 
 
 def _facts(

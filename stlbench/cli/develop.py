@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import traceback
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -25,6 +26,7 @@ from stlbench.registry.plugins import Plugin
 from stlbench.simulation.faults import PluginFault
 from stlbench.study.study import json_schema
 from stlbench.task.gym_sketch import sketch
+from stlbench.task.reading import dump_yaml
 from stlbench.testing import RuleBroken, Rules
 
 Made = Literal["method", "task", "agent"]
@@ -92,10 +94,11 @@ def new(
     """
     _check_name(kind, name)
     folder = into / name
+    quoted, path = shlex.quote(str(folder)), shlex.quote(str(folder) if folder.is_absolute() else f"./{folder}")
     if environment is None:
-        files, then = _files(kind, name), f"cd {folder} && pip install -e '.[dev]' && stlbench check {name}"
+        files, then = _files(kind, name), f"cd {quoted} && pip install -e '.[dev]' && stlbench check {name}"
     elif kind == "task":
-        files, then = _sketched(environment), f"change {folder}/task.yaml, and stlbench check ./{folder}"
+        files, then = _sketched(environment), f"change {folder}/task.yaml, and stlbench check {path}"
     else:
         raise UsageError(f"--environment is for a task; {kind} was asked for")
     files |= _schemas(files)
@@ -114,10 +117,8 @@ def new(
 
 
 def _sketched(environment: str) -> dict[str, str]:
-    import yaml
-
     content = sketch(environment)
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
+    text = dump_yaml(content, default_flow_style=None, width=110)
     return {"task.yaml": _HINT + (_SEEN if "scale" in content["environment"] else "") + text}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -61,9 +62,9 @@ def monitor(
 
     TRACE is a table of text: a header row that names the signals, then one row per step, separated by commas,
     semicolons or tabs; '-' reads it from standard input. Columns that no formula uses may hold anything. A column
-    'time', 't' or 'timestamp', in seconds or as in 'time (ms)', must rise. It gives the sampling time, or is checked
-    against --dt. Or TRACE is an .npz from the folder 'traces' of a run, with the traces from all starts. The formula is
-    evaluated at the first row. The exit code is 0 whatever the verdict. --json prints a list of {"formula",
+    'time', 't', 'stamp' or 'timestamp', in seconds or as in 'time (ms)', must rise. It gives the sampling time, or is
+    checked against --dt. Or TRACE is an .npz from the folder 'traces' of a run, with the traces from all starts. The
+    formula is evaluated at the first row. The exit code is 0 whatever the verdict. --json prints a list of {"formula",
     "robustness", "satisfied"}, for an .npz with "start"; an infinite robustness is null there. Before a formula that
     begins with '-' write '--'.
 
@@ -156,7 +157,7 @@ def _sampling_time(table: TraceTable, dt: float | None, has_intervals: bool) -> 
             raise UsageError(f"{said}; name the sampling time, --dt SECONDS, or let intervals count rows, --rows")
         return dt
     if dt is not None:
-        if dt > 0:  # else the formula refuses it
+        if 0 < dt < math.inf:  # else the formula refuses it
             times.check(dt)
         return dt
     times.check_rise()

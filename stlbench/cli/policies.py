@@ -111,9 +111,10 @@ def score_cell(
     as_json: bool,
 ) -> None:
     """Score a stored policy on a task, or on its own, and say how the score compares with the recorded one."""
-    result = Results.load(results).cell(cell, budget)
+    loaded = Results.load(results)
+    result = loaded.cell(cell, budget)
     task = on or result.id.task
-    scores = ask_one(score_question(task, result, results, which))
+    scores = ask_one(score_question(task, result, loaded.folder, which))
     recorded = result.measured.selected if which == "selected" else result.measured.final
     as_recorded, verdict = None, "another task than its own"
     if task == result.id.task:

@@ -246,10 +246,11 @@ def plot(
         for result in results_folder.read(run)
         if result.id.task in some_tasks and result.id.method in some_methods
     )
-    figures = out or inside(run / "figures", run)
+    folder = results_folder.folder_of(run)
+    figures = out or inside(folder / "figures", folder)
     colours = colours_of(groups)
     job = trace_figures.Job(
-        run, figures, partial(typer.echo, err=True), warn, colours, load_guarded, ask, _kinds(only, rewarded)
+        folder, figures, partial(typer.echo, err=True), warn, colours, load_guarded, ask, _kinds(only, rewarded)
     )
     with fitting(width):
         for path in trace_figures.draw(chosen, job):
@@ -314,7 +315,8 @@ def render(
     if form == "mp4":
         ffmpeg()
     chosen = Start(start_index, None if start is None else parse_start(start))
-    result = Results.load(run).cell(cell, budget)
+    results = Results.load(run)
+    run, result = results.folder, results.cell(cell, budget)
     if result.measurement is None:
         raise UsageError(f"{result.id.name} has no policy to film: {result.how}")
     arguments = (run, result, which, chosen, form, out or inside(run / "films", run))

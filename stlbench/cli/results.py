@@ -5,7 +5,7 @@ whether one, or a bundle, is whole.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -88,20 +88,23 @@ def merge(
 ) -> None:
     """Copy the cells of other folders of results, with their traces and policies.
 
-    Of a cell that several folders have, a result that is no failure stays, and of two such the one that was measured
-    last. Cells that were planned and have no result are planned in INTO too. Files are checked against their checksums.
+    Of a cell that several folders have, a result that is no failure stays, then one whose files are whole, then the
+    one that was measured last. Cells that were planned and have no result are planned in INTO too. Files are checked
+    against their checksums.
 
     \b
     Example:
       stlbench results merge results machine-a/results machine-b/results
     """
-    counts = {source: upkeep.merge(into, source) for source in sources}
-    facts = [{"from": str(source), **count._asdict()} for source, count in counts.items()]
+    for source in sources:  # before any of them is merged
+        upkeep.refuse_merging(into, source)
+    counts = [(source, upkeep.merge(into, source)) for source in sources]
+    facts = [{"from": str(source), **count._asdict()} for source, count in counts]
     show(as_json, facts, _merged(into, counts))
 
 
-def _merged(into: Path, counts: Mapping[Path, Merged]) -> Iterator[str]:
-    for source, count in counts.items():
+def _merged(into: Path, counts: Sequence[tuple[Path, Merged]]) -> Iterator[str]:
+    for source, count in counts:
         planned = f", {count.planned} planned without a result" if count.planned else ""
         yield f"{source}: {count.added} new, {count.replaced} better or newer, {count.kept} left out{planned}"
         for name in count.conflicts:
@@ -159,7 +162,7 @@ def verify(
 
 def _facts(verified: Verified, repaired: bool) -> dict[str, object]:
     cells = [
-        {"cell": damage.name, "key": damage.key, "what": damage.what, "problem": damage.problem}
+        {"cell": damage.name, "key": one_line(damage.key), "what": damage.what, "problem": damage.problem}
         for damage in verified.damages
     ]
     return {"whole": verified.is_whole, **verified._asdict(), "damages": cells, "repaired": repaired}
@@ -169,7 +172,8 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
     if verified.structure:
         first, more = one_line(verified.structure[0]), len(verified.structure) - 1
         others = f" (and {more} more such lines)" if more else ""
-        yield f"{folder / LEDGER} is damaged: {first}{others}; {way_out(folder / LEDGER)}"
+        file = folder if folder.is_file() else folder / LEDGER
+        yield f"{file} is damaged: {first}{others}; {way_out(file)}"
         return
     damaged, strays = len({damage.key for damage in verified.damages}), verified.strays
     yield from (f"{damage.name}: {damage.what}: {damage.problem}" for damage in verified.damages)
@@ -177,15 +181,16 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
     if len(strays) > _SHOWN:
         yield f"and {len(strays) - _SHOWN} more files"
     parts = [f"{damaged} with damage"] if damaged else []
-    parts += [f"{len(strays)} files without a result"] if strays else []
+    parts += [f"{counted(len(strays), 'file')} without a result"] if strays else []
     verdict = ", ".join(parts) or ("whole" if verified.rows else "empty")
-    yield f"{folder}/: {verified.rows} rows, {verified.files} files as they were recorded: {verdict}"
+    where = folder if folder.is_file() else f"{folder}/"
+    yield f"{where}: {counted(verified.rows, 'row')}, {verified.files} files as they were recorded: {verdict}"
     if verified.marked:
         are = "is" if verified.marked == 1 else "are"
         yield f"{counted(verified.marked, 'cell')} {are} marked, for the next `stlbench run` to measure again"
     if strays:
         yield "files without a result: rows were lost, or a run was killed; keep them or delete them"
-    if verified.damages:
+    if verified.damages and (folder / LEDGER).is_file():
         again = "the `stlbench run` that measured them measures them again"
         yield f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}"
 

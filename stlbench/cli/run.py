@@ -26,7 +26,8 @@ from stlbench.registry.named_tasks import task_of
 from stlbench.report import groups_of, only
 from stlbench.report.tables.table import Column, Table, Value, to_csv, to_screen
 from stlbench.study.cell import Cell, Recipe, write_recipes
-from stlbench.study.plan import parse_settings, plan_alignment
+from stlbench.study.logs import build_logs
+from stlbench.study.plan import check_cells, parse_settings, plan_alignment
 from stlbench.study.plugin_guard import ask
 from stlbench.study.progress import Progress, Tally, duration
 from stlbench.study.run import missing_cells, results_of, run_cells, run_missing
@@ -74,13 +75,16 @@ def run(
 
 def _what_would_run(study: Study) -> str:
     """The cells that are missing, and how long they take if each takes as long as those of its setting did."""
+    build_logs(study.log)  # what the run itself would refuse is refused here
     cells = study.cells()  # planned once, as that takes long
     missing, before = missing_cells(study, cells)
+    check_cells(missing)
     if not missing:
         return f"nothing would run: all {len(cells)} cells have a result"
-    tally = Tally([cell.id for cell in missing])
+    tally, budgets = Tally([cell.id for cell in missing]), {cell.id.budget for cell in missing}
     for result in before:
-        tally.add(result)
+        if result.id.budget in budgets:  # cells of another budget say nothing of these
+            tally.add(result)
     jobs = build_executor(study.executor, study.jobs, study.memory).jobs
     first = f"{len(missing)} of {len(cells)} cells would run, {jobs} at a time"
     seconds = tally.expected() / jobs

@@ -12,6 +12,7 @@ from stlbench.cli.options import Budget, Cell, Folder, From, TaskFolders, Which
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError
 from stlbench.records import results_folder
+from stlbench.records.identity import safe_line
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import PACKED, csv_value, inside, write
 from stlbench.share import onnx
@@ -51,10 +52,13 @@ def bundle(
       stlbench bundle results --author "Ada Lovelace" --title "Funnels on reach-stay"
       stlbench bundle results submission.zip --license CC0-1.0
     """
-    name = folder.resolve().name
+    if not all(text.strip() for text in (*(author or ()), license)):
+        raise UsageError("--author and --license need a text; leave out the option that has none")
+    name = results_folder.folder_of(folder).resolve().name
     path = Path(f"{name}.zip") if target is None else target
     what = description or f"Cells of stlbench, recorded in {name}."
-    about = About(title or name, what, tuple(author or ()), license, datetime.now(UTC).date().isoformat())
+    authors, date = tuple(map(safe_line, author or ())), datetime.now(UTC).date().isoformat()
+    about = About(safe_line(title or name), safe_line(what), authors, safe_line(license), date)
     packed = pack(folder, path, about, traces)
     counts = f"{packed.cells} cells, policies of {packed.policies}, {packed.files} files, {packed.size / 1e6:.1f} MB"
     text = [f"Written to {path}: {counts}; licence {license}"]
@@ -143,9 +147,10 @@ def export_policy(
     """
     if out.suffix.lower() != ".onnx":
         raise UsageError(f"{out}: a policy is written as .onnx")
-    result = Results.load(results).cell(cell, budget)
+    loaded = Results.load(results)
+    result = loaded.cell(cell, budget)
     plugins, failed = plugins_of(result.id), f"{result.id.name} cannot be exported"
-    exported = ask_one(Question(onnx.export, (results, result, which, out), plugins, failed))
+    exported = ask_one(Question(onnx.export, (loaded.folder, result, which, out), plugins, failed))
     share, away = f"{100 * exported.same:.4g} %", f"{exported.largest:.2g}"
     text = [
         str(out),

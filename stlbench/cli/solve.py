@@ -55,7 +55,9 @@ def solve(
             show_default="fresh networks",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", help="Another number is another try, with other seeds.")] = 0,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="From 0 to 9: another number is another try, with other seeds.")
+    ] = 0,
     executor: Annotated[str, typer.Option(metavar="NAME", help="Executor of the trainings.")] = LOCAL,
     jobs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Trainings at a time.", show_default="2, or 1 on one core")
@@ -99,9 +101,7 @@ def solve(
             progress=True,
         )
     except KeyboardInterrupt:
-        typer.echo(
-            "interrupted: solution.md has the best policy so far; run the same command again to continue", err=True
-        )
+        typer.echo("interrupted; run the same command again to continue", err=True)
         raise typer.Exit(130) from None
     typer.echo(solution.report())
 

@@ -22,7 +22,7 @@ app = typer.Typer(rich_markup_mode=None)
 app.command("show")(task)
 
 Address = Annotated[
-    str, typer.Argument(metavar="TASKS", help="As suite:dev, suite:unicycle, suite:unicycle/sequence/7.")
+    str, typer.Argument(metavar="TASKS", help="As suite:dev, suite:unicycle, suite:unicycle/sequence/3.")
 ]
 
 

@@ -11,6 +11,7 @@ of the best and the worst start, and `states` (2, decisions + 1, n) the states o
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import zipfile
 from collections.abc import Collection, Mapping
@@ -29,6 +30,7 @@ from stlbench.records.result_files import cell_files, inside, opened, to_read
 from stlbench.stl.predicates import as_floats
 
 LARGEST = 2**31  # bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros
+_HEAD = 2**16  # bytes that are read of an array to learn its shape: it may say that its header is as long as the file
 _NO_ARRAYS = "it is no file of arrays (.npz), or has objects in it"
 
 
@@ -84,12 +86,12 @@ def size_as_floats(file: Path | BinaryIO) -> int:
 
 def _size(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> int:
     with archive.open(info) as file:
-        if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
-            return info.file_size
-        file.seek(0)
-        header = read_array_header_1_0 if read_magic(file) == (1, 0) else read_array_header_2_0
-        shape, _, dtype = header(file)
-    return math.prod(shape) * max(8, dtype.itemsize)
+        head = io.BytesIO(file.read(_HEAD))
+    if not head.getvalue().startswith(MAGIC_PREFIX):
+        return info.file_size
+    header = read_array_header_1_0 if read_magic(head) == (1, 0) else read_array_header_2_0
+    shape, _, dtype = header(head)
+    return max(info.file_size, math.prod(shape) * max(8, dtype.itemsize))  # a shape may be negative
 
 
 Which = Literal["selected", "final"]
@@ -152,6 +154,13 @@ def read_policy(results: Path, result: Result, which: Which) -> Arrays:
     if digest(arrays) != getattr(policies, which):
         raise UsageError(f"{path} does not have the {which} policy of {name}: its hash is not the recorded one")
     return arrays
+
+
+def check_policies(results: Path, result: Result) -> None:
+    """Raises `ValueError` unless a cell's file has the policies that were recorded; the final one may be left out."""
+    read_policy(results, result, "selected")
+    if read_arrays(cell_files(results, result.id, result.key).policies, "final/", results):
+        read_policy(results, result, "final")
 
 
 class Assessment(NamedTuple):

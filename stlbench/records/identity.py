@@ -91,6 +91,7 @@ def _chosen(value: object) -> Choice:
 
 _Chosen = Annotated[Choice, BeforeValidator(_chosen), PlainSerializer(str)]
 """A choice, which JSON and tables write as its text."""
+_DIGITS = 20  # a seed has fewer, as `MOST` has 16
 _LONGEST = 220
 """Characters of a cell's name, by which its files are called. Systems take 255 bytes, with what is added to it."""
 
@@ -138,9 +139,9 @@ class CellId:
         """The inverse of `name`, which does not say the budget. Raises `UsageError`."""
         parts = name.split("/")
         track = parts.pop() if len(parts) == 5 and parts[4] in get_args(Track) else "shared"
-        if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit()):
+        if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit() and len(parts[3]) < _DIGITS):
             raise UsageError(
-                f"'{name}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0, "
+                f"'{one_line(name)}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0, "
                 "and on another track than shared task/method/agent/seed/track"
             )
         task, method, agent = map(parse_choice, parts[:3])

@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from stlbench.errors import UsageError, one_line
 from stlbench.records import lines
-from stlbench.records.identity import IDENTITY, MOST, OUTSIDE, CellId
+from stlbench.records.identity import IDENTITY, MOST, OUTSIDE, CellId, Name, valid
 from stlbench.records.result import ACCIDENTS, Result, Status, plain
 from stlbench.records.rows import OTHER, Inspected, LedgerWarning, Row, cell_of, result_of, texts, values
 from stlbench.records.schema import COLUMNS, LISTED, VERSION, is_damaged, is_sqlite, opened, unusable
@@ -71,7 +71,7 @@ class Ledger:
         cells = dict[str, CellId]()
         for _, key, *identity in self._rows(table, COLUMNS):
             try:
-                cells[key] = cell_of(*identity)
+                cells[valid(Name, key)] = cell_of(*identity)
             except ValueError as error:
                 self._warn(f"a part of {what}", str(error))
         return cells
@@ -195,6 +195,17 @@ class Ledger:
             failures = known + 1 if result.status in ACCIDENTS else 0
             _insert(database, values(result, self.path.parent, failures))
 
+    def replace(self, result: Result) -> list[str]:
+        """Write one result in place of all others of its cell, and of its place in the plan; the keys these had.
+
+        It is one transaction: whenever this is killed, the old results or the new one are there.
+        """
+        lines.append(self.path.parent, [result])
+        with self._writing() as database:
+            keys = _remove(database, result.id)
+            _insert(database, values(result, self.path.parent, int(result.status in ACCIDENTS)))
+        return keys
+
     @property
     def is_empty(self) -> bool:
         """Whether it has neither a plan nor a result."""
@@ -224,16 +235,10 @@ class Ledger:
 
     def remove(self, cell: CellId) -> list[str]:
         """Remove a cell, with all its results and its place in the plan; the keys it had."""
-        keys = list[str]()
         with self._writing() as database:
-            for table in ("cells", "planned", "recorded"):
-                rows = database.execute(
-                    f"DELETE FROM {table} WHERE ({_IDENTITY}) = (?, ?, ?, ?, ?, ?) RETURNING key",  # noqa: S608
-                    texts(cell),
-                )
-                keys += [key for (key,) in rows]
+            keys = _remove(database, cell)
         lines.append(self.path.parent, removed=[cell] if keys else ())
-        return list(dict.fromkeys(keys))
+        return keys
 
     def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:
         """The keys of which the next run measures no cell.
@@ -301,6 +306,15 @@ class Ledger:
                 yield database
         except sqlite3.DatabaseError as error:
             raise unusable("write", self.path, error) from error
+
+
+def _remove(database: sqlite3.Connection, cell: CellId) -> list[str]:
+    """Remove all rows of a cell; the keys they had, but those that are no text, as a stranger may have written them."""
+    keys = list[str]()
+    for table in ("cells", "planned", "recorded"):
+        query = f"DELETE FROM {table} WHERE ({_IDENTITY}) = (?, ?, ?, ?, ?, ?) RETURNING key"  # noqa: S608
+        keys += [key for (key,) in database.execute(query, texts(cell)) if isinstance(key, str)]
+    return list(dict.fromkeys(keys))
 
 
 def _add_plan(database: sqlite3.Connection, cells: Mapping[str, CellId]) -> None:

@@ -66,6 +66,8 @@ def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
     Raises `UsageError` as `inside`, or if the file cannot be written; `DiskFull` if there is no space for it.
     """
     inside(path, folder or path.parent)
+    if not path.name:
+        raise UsageError(f"cannot write {path}: it is a folder")
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,13 +25,18 @@ def locate(path: Path) -> Path | None:
     return next((file for file in candidates if file.is_file()), None)
 
 
+def folder_of(path: Path) -> Path:
+    """The folder of what `locate` takes: a file's own, else the path itself."""
+    return path.parent if path.is_file() else path
+
+
 def read(path: Path) -> Iterator[Result]:
     """One result of every cell in a folder, a ledger or a file of lines, one at a time.
 
     Nothing that a result names is imported. A task that is a folder is known only if the user named the folder. Raises
     `UsageError` if there is no such file, or it is damaged.
     """
-    file = _existing(path)
+    file = existing(path)
     if lines.is_lines(file):
         yield from _read_lines(file)
         return
@@ -47,7 +52,7 @@ Find = Callable[[CellId], Result | None]
 def one_by_one(path: Path) -> Iterator[Find]:
     """Finds the results of `read`: of a ledger no more than one is in memory. For a damaged row it gives None, with a
     `LedgerWarning`."""
-    file = _existing(path)
+    file = existing(path)
     if lines.is_lines(file):
         yield {result.id: result for result in _read_lines(file)}.get
         return
@@ -58,7 +63,7 @@ def one_by_one(path: Path) -> Iterator[Find]:
 
 def missing(path: Path) -> dict[str, CellId]:
     """The cells that were planned and have no result, by their keys in the plan. Raises `UsageError` as `read`."""
-    file = _existing(path)
+    file = existing(path)
     if lines.is_lines(file):
         return {entry.key: entry.cell for entry in lines.entries(file) if isinstance(entry, lines.Lacking)}
     with Ledger(file, create=False) as ledger:
@@ -84,12 +89,18 @@ def take_over(folder: Path, ledger: Ledger) -> None:
 
 
 def refuse_lines(folder: Path, way: str) -> None:
-    """Raises `UsageError` where a folder has results and no ledger that could be written; `way` says what to do."""
-    if locate(folder) and not (folder / LEDGER).is_file():
-        raise UsageError(f"{folder} has no {LEDGER} but {LINES}; {way}")
+    """Raises `UsageError` where a folder has results and no ledger that could be written; `way` says what to do.
+
+    It is raised for a file, too.
+    """
+    if folder.is_file():
+        raise UsageError(f"{folder} is a file; name a folder of results")
+    if (file := locate(folder)) and not (folder / LEDGER).is_file():
+        raise UsageError(f"{folder} has no {LEDGER} but {file.name}; {way}")
 
 
-def _existing(path: Path) -> Path:
+def existing(path: Path) -> Path:
+    """The file that `locate` finds. Raises `UsageError` where there is none."""
     file = locate(path)
     if file is None:
         where = f"there is neither {path / LEDGER} nor {LINES}"

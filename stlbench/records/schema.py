@@ -199,6 +199,7 @@ def _check(path: Path, database: sqlite3.Connection) -> int | None:
         for query in ("PRAGMA application_id", "PRAGMA user_version", _COUNT_TABLES)
     )
     if (application, version, tables) == (0, 0, 0):
+        _allow(database, 2**62)  # it is empty, so all that it will have is ours
         return None
     if application != APPLICATION:
         raise UsageError(f"{path} is no ledger of stlbench")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean, one_line
-from stlbench.records import result_files, results_folder
+from stlbench.records import array_files, result_files, results_folder
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import is_lines
@@ -50,9 +50,11 @@ class Verified(NamedTuple):
 
 def verify(folder: Path) -> Verified:
     """Check all that is recorded in a folder; nothing is written. Raises `UsageError` without results."""
-    if (file := results_folder.locate(folder)) is not None and is_lines(file):
-        return Verified(sum(1 for _ in results_folder.read(folder)), 0, (), (), 0)
-    with Ledger(folder / LEDGER, create=False) as ledger:
+    file = results_folder.locate(folder) or folder / LEDGER
+    folder = results_folder.folder_of(folder)
+    if is_lines(file):
+        return _verify_lines(file, folder)
+    with Ledger(file, create=False) as ledger:
         if problems := ledger.problems():
             return Verified(0, 0, tuple(problems), (), 0)
         damages, there, rows, files, marked = list[Damage](), set[str](), 0, 0, 0
@@ -79,6 +81,22 @@ def verify(folder: Path) -> Verified:
         )
 
 
+def _verify_lines(file: Path, folder: Path) -> Verified:
+    """Lines have the hashes of policies, and nothing of traces. A file that is not there was left out."""
+    rows, files, damages = 0, 0, list[Damage]()
+    for result in results_folder.read(file):
+        rows += 1
+        path, measured = result_files.cell_files(folder, result.id, result.key).policies, result.measurement
+        if measured is None or measured.policies is None or not os.path.lexists(path):
+            continue
+        try:
+            array_files.check_policies(folder, result)
+            files += 1
+        except (ValueError, OSError) as error:
+            damages.append(Damage(result.key, result.id, "policies", one_line(error)))
+    return Verified(rows, files, (), tuple(damages), 0)
+
+
 def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
     """A name ends in the beginning of a key. The plan has the key of a cell that was interrupted."""
     known = {result_files.end_of_name(key) for key in keys}
@@ -101,8 +119,10 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
 def repair(folder: Path) -> Verified:
     """Mark the cells with a damaged or missing part, so that the next run measures them; what was damaged.
 
-    Their results stay until then. Raises `UsageError` if the structure of the ledger is damaged.
+    Their results stay until then. Raises `UsageError` if the structure of the ledger is damaged, or there is none.
     """
+    results_folder.refuse_lines(folder, "take damaged files from where they came")
+    Ledger(folder / LEDGER, create=False).close()  # else the lock would make a folder that the user mistyped
     with result_files.writing(folder):
         checked = verify(folder)
         if checked.structure:
@@ -167,9 +187,22 @@ def remove(folder: Path, cells: Collection[CellId]) -> None:
 
 def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     """Take one cell out, for what writes in the folder already."""
-    for key in ledger.remove(cell):
+    _discard(folder, cell, ledger.remove(cell))
+
+
+def replace(folder: Path, ledger: Ledger, result: Result) -> None:
+    """Record a result whose files are there, in place of all others of its cell, for what writes in the folder already.
+
+    The old files go last, so that an interruption loses no result.
+    """
+    _discard(folder, result.id, ledger.replace(result), result_files.cell_files(folder, result.id, result.key))
+
+
+def _discard(folder: Path, cell: CellId, keys: Iterable[str], staying: Collection[Path] = ()) -> None:
+    for key in keys:
         for file in result_files.cell_files(folder, cell, key):
-            result_files.inside(file, folder).unlink(missing_ok=True)
+            if file not in staying:
+                result_files.inside(file, folder).unlink(missing_ok=True)
 
 
 class Merged(NamedTuple):
@@ -186,39 +219,73 @@ class Merged(NamedTuple):
 def merge(into: Path, source: Path) -> Merged:
     """Copy the results of `source` into the ledger of `into`, their traces, policies and logs, and its plan.
 
-    If both have a result of a cell, one that is no failure stays, else the one whose run began later, else that of
-    `into`. An interrupted merge can be repeated. Raises `UsageError` if `source` has no results, or is `into` itself.
+    If both have a result of a cell, one that is no failure stays, else one without damaged files, else the one whose
+    run began later, else that of `into`. A sound result of the source also replaces one that lacks its policies.
+    An interrupted merge can be repeated. Raises as `refuse_merging`.
     """
-    if into.resolve() == source.resolve():
-        raise UsageError(f"{source} cannot be merged into itself")
+    refuse_merging(into, source)
     incoming = list(results_folder.read(source))
-    results_folder.refuse_lines(into, "merge into a new folder, and export that")
-    damaged = {(damage.key, damage.what) for damage in verify(source).damages}
+    home, damages = results_folder.folder_of(source), verify(source).damages
+    damaged = {(damage.key, damage.what) for damage in damages}
+    broken = {damage.key for damage in damages if _is_left(home, damage)}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with result_files.writing(into), Ledger(into / LEDGER) as ledger:
         present = {result.id: result for result in ledger.results()}
+        both = any(result.id in present for result in incoming)  # else no file of `into` need be read
+        found = verify(into).damages if both else ()
+        lacking = {damage.key for damage in found if damage.what == "policies" or _is_left(into, damage)}
         for result in incoming:
             before = present.get(result.id)
+            left_out += _left_out(home, result, damaged)
             conflicts += [] if before is None or _agree(result, before) else [result.id.name]
-            if before is not None and not _is_better(result, before):
-                counts["kept"] += 1
-                continue
             if before is not None:
-                take_out(into, ledger, before.id)
-            left_out += _copy_files(source if source.is_dir() else source.parent, into, result, damaged)
-            ledger.record(result)
+                mends = before.key in lacking and _has_policies(home, result)
+                if not _is_better(result, before, (result.key not in broken, not mends)):
+                    counts["kept"] += 1
+                    continue
+            _copy_files(home, into, result, damaged)
+            if before is None:
+                ledger.record(result)
+            else:
+                replace(into, ledger, result)
             counts["added" if before is None else "replaced"] += 1
         planned = _plan(source, ledger)
     return Merged(counts["added"], counts["replaced"], counts["kept"], planned, tuple(conflicts), tuple(left_out))
 
 
-def _is_better(result: Result, before: Result) -> bool:
-    """No failure is better than a failure, then the later run. Times are in UTC, so that texts compare as times do."""
+def refuse_merging(into: Path, source: Path) -> None:
+    """Raises `UsageError` if `source` has no results, or is `into` itself, or `into` is a file or has no ledger."""
+    if into.resolve() == results_folder.folder_of(source).resolve():
+        raise UsageError(f"{source} cannot be merged into itself")
+    results_folder.existing(source)
+    results_folder.refuse_lines(into, "merge into a new folder, and export that")
 
-    def rank(one: Result) -> tuple[bool, str]:
-        return one.status not in ACCIDENTS, one.provenance.get("time", "")
 
-    return rank(result) > rank(before)
+def _is_left(folder: Path, damage: Damage) -> bool:
+    """Whether what is damaged is there. Files may be deleted to save space."""
+    if damage.cell is None or damage.what == "row":
+        return True
+    return os.path.lexists(result_files.cell_files(folder, damage.cell, damage.key)._asdict()[damage.what])
+
+
+def _has_policies(folder: Path, result: Result) -> bool:
+    """Whether a folder has all policies that a result has recorded."""
+    recorded = result.measurement is not None and result.measurement.policies is not None
+    return not recorded or result_files.is_there(
+        result_files.cell_files(folder, result.id, result.key).policies, folder
+    )
+
+
+def _is_better(result: Result, before: Result, whole: tuple[bool, bool]) -> bool:
+    """No failure is better than a failure, then what is `whole` than what is not, then the later run.
+
+    Times are in UTC, so that texts compare as times do.
+    """
+
+    def rank(one: Result, is_whole: bool) -> tuple[bool, bool, str]:
+        return one.status not in ACCIDENTS, is_whole, one.provenance.get("time", "")
+
+    return rank(result, whole[0]) > rank(before, whole[1])
 
 
 def _agree(result: Result, before: Result) -> bool:
@@ -237,12 +304,17 @@ def _plan(source: Path, ledger: Ledger) -> int:
     return len(new)
 
 
-def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
+def _left_out(source: Path, result: Result, damaged: Collection[tuple[str, str]]) -> list[str]:
+    files = result_files.cell_files(source, result.id, result.key)._asdict()
+    return [str(file) for kind, file in files.items() if (result.key, kind) in damaged and os.path.lexists(file)]
+
+
+def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> None:
     cell = result.id, result.key
     here, there = (result_files.cell_files(folder, *cell)._asdict() for folder in (source, into))
     for kind, recorded in here.items():
-        if (result.key, kind) in damaged:
-            yield str(recorded)
-        elif result_files.is_there(recorded, source):
+        if (result.key, kind) not in damaged and result_files.is_there(recorded, source):
             with result_files.to_read(recorded, source) as content, result_files.opened(there[kind], into) as copy:
                 shutil.copyfileobj(content, copy)
+        elif kind == "log":  # of a failure before, with the same key
+            result_files.inside(there[kind], into).unlink(missing_ok=True)

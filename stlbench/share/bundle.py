@@ -20,16 +20,17 @@ from typing import Any, NamedTuple
 import yaml
 
 from stlbench import __version__
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records import array_files, results_folder
 from stlbench.records.lines import text_of
 from stlbench.records.result import Result
-from stlbench.records.result_files import LINES, POLICIES, TRACES, cell_files, is_there, names, opened, read
+from stlbench.records.result_files import LINES, POLICIES, TRACES, cell_files, is_there, names, opened, read, write
+from stlbench.report import Report
+from stlbench.report.page import FILE as PAGE
 from stlbench.study.results import Results
 
 CITATION = "CITATION.cff"
-_TABLES = (".csv", ".md", ".html")
-"""Files of a folder of results that `stlbench report` writes, and that go into the bundle."""
+_TABLES = (".csv", ".md", ".html")  # how the names of tables in a bundle end
 _ARRAYS = (POLICIES, TRACES)  # its folders of arrays
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the date of every file in a bundle, so that equal results give equal bundles
 
@@ -52,10 +53,11 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
     results = Results.load(folder)
     if not len(results):
         raise UsageError(f"{folder} holds no result yet")
+    lines, folder = text_of(results, results_folder.missing(folder)), results.folder
     kept = [result for result in results if is_there(cell_files(folder, result.id, result.key).policies, folder)]
     listed = dict[str, Content]()
     with opened(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path, data in _contents(folder, results, kept, about, traces):
+        for path, data in _contents(results, lines, kept, about, traces):
             listed[path] = Content(hashlib.sha256(data).hexdigest(), len(data))
             _write(archive, path, data)
         _write(archive, METADATA, document(about, listed, __version__).encode())
@@ -75,10 +77,12 @@ def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:
 
 
 def _contents(
-    folder: Path, results: Results, kept: list[Result], about: About, traces: bool
+    results: Results, lines: str, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
-    yield LINES, text_of(results, results_folder.missing(folder)).encode()
-    paths = [folder / name for name in names(folder, folder, _TABLES)]
+    folder = results.folder
+    yield LINES, lines.encode()
+    tables = {"report.md", PAGE, *(f"{name}.csv" for name in Report((), {}).tables)}
+    paths = [folder / name for name in names(folder, folder, _TABLES) if name in tables]
     paths += [cell_files(folder, result.id, result.key).policies for result in kept]
     paths += [cell_files(folder, result.id, result.key).traces for result in results if traces]
     for path in paths:
@@ -172,7 +176,7 @@ def read_metadata(text: str) -> Metadata:
         root = entries["./"]
         authors = tuple(one_line(entries[str(author["@id"])].get("name", "")) for author in root.get("author", []))
         license = str(root.get("license", {}).get("@id", "")).rpartition("/")[2]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
     title, description, date = (one_line(root.get(name, "")) for name in ("name", "description", "datePublished"))
     return Metadata(About(title, description, authors, one_line(license), date), files)
@@ -227,9 +231,8 @@ def _policies(folder: Path, result: Result) -> Iterator[str]:
         if array_files.size_as_floats(_file(folder, result)) > LARGEST_POLICIES:
             yield f"{result.id.name}: its policies would be more than {LARGEST_POLICIES >> 20} MiB in memory"
             return
-        for which in ("selected", "final"):
-            array_files.read_policy(folder, result, which)
-    except (UsageError, ValueError) as error:
+        array_files.check_policies(folder, result)
+    except ValueError as error:
         yield _inside(error, folder)
 
 
@@ -243,14 +246,21 @@ def unpacked(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """A bundle's files in a temporary folder, and what is wrong with them, a line each.
 
     A file is unpacked only if the bundle lists it, a bundle may hold it, it is no link, and its path stays inside the
-    folder. Raises `UsageError` if the file is no bundle, or is larger than `LARGEST`.
+    folder. Raises `UsageError` if the file is no bundle, or is larger than `LARGEST`, or the folder cannot take it.
     """
     try:
-        with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="stlbench-") as name:
+        with zipfile.ZipFile(path) as archive, _temporary() as name:
             problems = tuple(map(one_line, _unpack(archive, Path(name))))
             yield Path(name), problems
     except _DAMAGED as error:
         raise UsageError(f"{path} is no bundle that `stlbench bundle` wrote: {error}") from error
+
+
+def _temporary() -> tempfile.TemporaryDirectory[str]:
+    try:
+        return tempfile.TemporaryDirectory(prefix="stlbench-")
+    except OSError as error:
+        raise unwritable("cannot make a temporary folder", error) from error
 
 
 def _unpack(archive: zipfile.ZipFile, folder: Path) -> Iterator[str]:
@@ -260,7 +270,7 @@ def _unpack(archive: zipfile.ZipFile, folder: Path) -> Iterator[str]:
     if sum(info.file_size for info in archive.infolist()) > LARGEST or members[METADATA].file_size > _LIST:
         raise UsageError(f"{archive.filename} would be more than {LARGEST >> 20} MiB unpacked, or its list of files is")
     text = archive.read(METADATA)
-    (folder / METADATA).write_bytes(text)
+    write(folder / METADATA, text)
     wanted = read_metadata(text.decode()).files
     if len(members) < len(archive.infolist()):
         yield "a name is in the zip more than once"
@@ -283,19 +293,31 @@ def _stays_inside(name: str) -> bool:
     return not (path.is_absolute() or ".." in path.parts or "\\" in name or ":" in name or "\0" in name)
 
 
+class _Damaged(Exception):
+    pass
+
+
+def _pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]:
+    """The content of a file. Raises `_Damaged`, which no error of the file that it is written to is."""
+    try:
+        with archive.open(member) as source:
+            while piece := source.read(_PIECE):
+                yield piece
+    except _DAMAGED as error:
+        raise _Damaged(error) from error
+
+
 def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content, target: Path) -> str:
-    """Write a file, or say what is wrong with it."""
+    """Write a file, or say what is wrong with it. Raises `UsageError` where it cannot be written."""
     if member.file_size != content.size:
         return f"{member.file_size} bytes, and {METADATA} says {content.size}"
     digest = hashlib.sha256()
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with archive.open(member) as source, target.open("wb") as copy:
-            while piece := source.read(_PIECE):
+        with opened(target) as copy:
+            for piece in _pieces(archive, member):
                 digest.update(piece)
                 copy.write(piece)
-    except _DAMAGED as error:
-        target.unlink(missing_ok=True)
+    except _Damaged as error:
         return f"damaged: {error}"
     if digest.hexdigest() == content.sha256:
         return ""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from string import Template
@@ -68,15 +70,36 @@ def export(folder: Path, target: Path) -> list[Path]:
         groups[_name(result)].append(result)
     if not groups:
         raise UsageError(f"{folder} has no stored policy, which could act again")
+    for name, group in groups.items():
+        if len(tasks := sorted({str(result.id.task) for result in group})) > 1:
+            raise UsageError(f"{' and '.join(tasks)} would both be {name}; export them from folders of their own")
     places = {name: inside(target / name, target) for name in groups}
-    for place in places.values():  # before a policy acts, so that none or all are written
+    for place in places.values():  # before a policy acts
         if (place / "data").exists():
             raise UsageError(f"{place} is there already; remove it, or name another folder with --out")
     try:
         target.mkdir(parents=True, exist_ok=True)
-        return [_write(folder, group, name, places[name]) for name, group in groups.items()]
+        with _all_or_none(places.values()):
+            return [_write(folder, group, name, places[name]) for name, group in groups.items()]
     except OSError as error:
         raise unwritable(f"cannot write {target}", error) from error
+
+
+@contextmanager
+def _all_or_none(places: Collection[Path]) -> Iterator[None]:
+    """Remove data sets that were written, none of which was there, where not all can be."""
+    cards = [place / _CARD for place in places if not (place / _CARD).exists()]
+    try:
+        yield
+    except BaseException:
+        for place in places:
+            if (place / "data").is_dir():
+                shutil.rmtree(place / "data", ignore_errors=True)
+                with suppress(OSError):
+                    if place / _CARD in cards:
+                        (place / _CARD).unlink(missing_ok=True)
+                    place.rmdir()
+        raise
 
 
 def _name(result: Result) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -47,7 +48,9 @@ class Rescored(NamedTuple):
             return AS_RECORDED
         for name, said in self.recorded.items():
             found = self.found.get(name)
-            if found is None or said.mean - found.mean > MORE * abs(said.mean):
+            if found is None or not (said.mean < math.inf or found.mean == said.mean):
+                return CLAIMS_MORE  # a share of infinity would allow any score
+            if said.mean - found.mean > MORE * abs(said.mean):
                 return CLAIMS_MORE
             if said.satisfaction - found.satisfaction > MORE:
                 return CLAIMS_MORE

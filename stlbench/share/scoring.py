@@ -12,7 +12,7 @@ from stlbench.contract import Array, GymTask, Intractable, RewardMethod, System,
 from stlbench.errors import UsageError
 from stlbench.records import array_files, results_folder, upkeep
 from stlbench.records.array_files import Assessment
-from stlbench.records.identity import OUTSIDE, CellId
+from stlbench.records.identity import OUTSIDE, CellId, ReadCell, valid
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.observation import Observation
 from stlbench.records.result import MAIN, TASK_FOLDER, Measurement, Result, Score
@@ -187,6 +187,10 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
     if name is not None and not NAME.fullmatch(name):
         raise UsageError(f"--name {name}: a name consists of a-z, 0-9 and -, and does not begin with -")
     cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
+    try:
+        valid(ReadCell, cell.plain)  # else the row would be refused when it is read
+    except ValueError as error:
+        raise UsageError(f"{cell.name}: {error}") from error
     sha256, more, on = source.digest, source.more, shown.on or "observation"
     key = digest([harness().digest, cell.name, budget, sha256, on, more])
     remarks = {"observation": scored.observation, "moved": scored.moved}
@@ -206,9 +210,7 @@ def record(folder: Path, entry: Entry) -> Result | None:
     results_folder.refuse_lines(folder, "say another folder by --results")
     with writing(folder), Ledger(folder / LEDGER) as ledger:
         before = next((each for each in ledger.results() if each.id == result.id), None)
-        if before is not None:
-            upkeep.take_out(folder, ledger, before.id)
         traces = inside(cell_files(folder, result.id, result.key).traces, folder)
         array_files.save_traces(traces, entry.scored.assessment, entry.signals)
-        ledger.record(result)
+        upkeep.replace(folder, ledger, result)
     return before

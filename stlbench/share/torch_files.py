@@ -13,7 +13,7 @@ import math
 import re
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Integers
-from stlbench.errors import UsageError, cause, did_you_mean
+from stlbench.errors import UsageError, cause, did_you_mean, one_line
+from stlbench.records.array_files import LARGEST
 from stlbench.records.observation import KEY, Observation
 
 Weights = NDArray[np.floating[Any]]
@@ -69,14 +70,30 @@ def read_weights(path: Path, file: IO[bytes] | Path) -> dict[str, Weights]:
         import torch
     except ImportError as error:
         raise UsageError(f'{path} needs PyTorch: pip install "stlbench-rl[sb3]"') from error
+    if zipfile.is_zipfile(file):
+        with zipfile.ZipFile(file) as archive:
+            _check_sizes(path, archive.infolist())
+    if not isinstance(file, Path):
+        file.seek(0)  # the look for a zip has moved it
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # it advises users of other files to call other functions
         content = torch.load(file, map_location="cpu", weights_only=True)
     arrays = {str(name): tensor.numpy() for name, tensor in content.items()}
+    if (size := 8 * sum(array.size for array in arrays.values())) > LARGEST:  # a tensor may repeat one number
+        raise UsageError(f"{path}: its weights would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
+    for name, array in arrays.items():
+        if array.dtype.kind not in "biuf":
+            raise UsageError(f"{path}: '{one_line(name)}' is of {array.dtype}; weights are real numbers")
     return {name: array.astype(np.result_type(array.dtype, np.float32)) for name, array in arrays.items()}
 
 
-_FORM = re.compile(r"mlp\[\s*(\d+(?:\s*,\s*\d+)+)\s*;\s*(\w+)\s*\]")
+def _check_sizes(path: Path, members: Iterable[zipfile.ZipInfo]) -> None:
+    """Raises `UsageError` where parts of a zip would take too much memory: a small one may unpack to any size."""
+    if (size := sum(info.file_size for info in members)) > LARGEST:
+        raise UsageError(f"{path}: it would take {size >> 20} MiB unpacked, at most {LARGEST >> 20} are read")
+
+
+_FORM = re.compile(r"mlp\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})+)\s*;\s*(\w+)\s*\]")
 EXAMPLE = "mlp[4,64,64,21;relu]"
 
 
@@ -102,7 +119,7 @@ def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array
 def _declared(text: str) -> tuple[list[int], str]:
     match = _FORM.fullmatch(text.strip())
     if match is None:
-        raise UsageError(f"--architecture {text}: expected are sizes and an activation, as in '{EXAMPLE}'")
+        raise UsageError(f"--architecture {one_line(text)}: expected are sizes and an activation, as in '{EXAMPLE}'")
     if match[2].lower() not in ACTIVATIONS:
         raise UsageError(f"--architecture {text}: no activation '{match[2]}'{did_you_mean(match[2], ACTIVATIONS)}")
     return [int(each) for each in match[1].split(",")], match[2].lower()
@@ -157,7 +174,7 @@ def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = 
     form = next((form for form in _FORMS if _numbers(weights, form)), None)
     if form is None or any("features_extractor" in name for name in weights):
         raise UsageError(f"{path}: expected is an MlpPolicy of DQN, TD3, DDPG, SAC, PPO or A2C; export others as ONNX")
-    layers = Layers(_layers(weights, form), _activation(path, data, form))
+    layers = Layers(_layers(path, weights, form), _activation(path, data, form))
     _check_observation(path, data, shown, declared)
     layers.check(path, shown.total)
     space = _mapping(data.get("action_space"))
@@ -168,6 +185,7 @@ def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = 
 def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Weights]]:
     try:
         with zipfile.ZipFile(path) as file:
+            _check_sizes(path, map(file.getinfo, ("data", "policy.pth")))
             data = json.loads(file.read("data"))
             weights = read_weights(path, io.BytesIO(file.read("policy.pth")))
     except UsageError:
@@ -177,15 +195,25 @@ def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Weights]]:
     return _mapping(data), weights
 
 
-def _layers(weights: Mapping[str, Weights], form: _Form) -> tuple[tuple[Weights, Weights], ...]:
-    """Matrices (outputs, inputs) and biases, in the order of their numbers."""
+def _layers(path: Path, weights: Mapping[str, Weights], form: _Form) -> tuple[tuple[Weights, Weights], ...]:
+    """Matrices (outputs, inputs) and biases, in the order of their numbers. Raises `UsageError` where one is wrong."""
     names = [f"{form.hidden}{number}." for number in _numbers(weights, form)] + ([form.last] if form.last else [])
-    return tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names)
+    for name in (f"{name}{part}" for name in names for part in ("weight", "bias")):
+        if name not in weights:
+            raise UsageError(f"{path}: it has no layer '{name}'; expected is what Stable-Baselines3 saves")
+    layers, inputs = tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names), None
+    for name, (matrix, bias) in zip(names, layers, strict=True):
+        if matrix.ndim != 2 or bias.shape != matrix.shape[:1] or inputs not in (None, matrix.shape[1]):
+            shapes = f"a weight {matrix.shape} and a bias {bias.shape}"
+            before = "" if inputs is None else f", and the layer before has {inputs} outputs"
+            raise UsageError(f"{path}: '{name}' has {shapes}{before}; expected are (outputs, inputs) and (outputs,)")
+        inputs = len(matrix)
+    return layers
 
 
 def _numbers(weights: Mapping[str, Weights], form: _Form) -> list[int]:
     """The numbers of the layers of this form; empty if the file is of another."""
-    pattern = re.compile(rf"{re.escape(form.hidden)}(\d+)\.weight")
+    pattern = re.compile(rf"{re.escape(form.hidden)}(\d{{1,9}})\.weight")
     return sorted(int(match[1]) for name in weights if (match := pattern.fullmatch(name)))
 
 
@@ -208,7 +236,7 @@ def _meaning_of_outputs(
     otherwise they are in the actions' units, and clipped. Raises `UsageError` for other actions than the task's.
     """
     kind = str(space.get(":type:")).removesuffix("'>").rpartition(".")[2]
-    counts = tuple(map(int, re.findall(r"\d+", str(space.get("nvec")))))
+    counts = tuple(map(int, re.findall(r"\d{1,9}", str(space.get("nvec")))))
     if isinstance(actions, ActionBox) and kind == "Box" and count == len(actions.names):
         low, high = np.array(actions.low), np.array(actions.high)
         if squashed:

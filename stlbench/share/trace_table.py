@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -101,7 +101,7 @@ class Lines(Iterator[str]):
 COLUMNS = 2**16
 VALUES = 2**25  # each takes about 60 bytes as text; a row counts as one more
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
-_DECLARED = re.compile(r"sep=(.)\s*", re.IGNORECASE)
+_DECLARED = re.compile(r"sep=([^\r\n])\s*", re.IGNORECASE)
 """The first line in which Excel says by what values are separated."""
 
 
@@ -293,9 +293,12 @@ class Times:
         """The times (T + 1,) in seconds after the first row. Raises `UsageError` where one is no finite number."""
         for number in range(2, len(self.table.rows) + 2):
             self.table.number(number, self.place)
-        texts = [row[self.place] for row in self.table.rows]
-        first = Decimal(texts[0])  # floats would round stamps in nanoseconds
-        seconds = np.array([float(Decimal(text) - first) for text in texts]) * self.unit
+        try:
+            times = [Decimal(row[self.place]) for row in self.table.rows]  # floats would round stamps in nanoseconds
+        except InvalidOperation as error:  # at an exponent that `float` takes
+            what = f"the column '{self.title}' has a time with an exponent that is too large"
+            raise UsageError(f"{self.table.source}: {what}") from error
+        seconds = np.array([float(time - times[0]) for time in times]) * self.unit
         if not np.isfinite(seconds).all():
             raise UsageError(f"{self.table.source}: the times of the column '{self.title}' are too far apart")
         return seconds

@@ -87,6 +87,7 @@ def test_the_forms_that_methods_see(say):
     [
         (["G x >= 0"], "formula: G x >= 0 has no end without a task"),
         (["G[0,4] (x <= "], "formula: line 1, column 14"),
+        (["G[0,99999999] x >= 0"], "formula: it looks 99999999 steps ahead; without a task at most 10000000 are"),
         (["F[0,9] x >= 1", "--results", "."], "name the task instead of a formula"),
         (["hold-disk"], "error: no task 'hold-disk'; did you mean 'hold-disc'?"),
         (["hold-disc", "--methods", "funel"], "error: no method 'funel'; did you mean 'funnel'?"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.line_task import Probe, Rule, line
+from helpers.refusals import refused
 
 from stlbench.records import array_files
 from stlbench.records.array_files import save_traces
@@ -114,6 +115,12 @@ def test_bad_input_exits_2_with_a_clear_line(say, trace):
         assert (done.exit_code, done.stdout) == (2, "")
         assert done.stderr.startswith("error: ")
         assert message in done.stderr.splitlines()[0]
+
+
+def test_an_infinite_sampling_time_is_one_line(say):
+    Path("trace.csv").write_text("time,x\n0,1\n1,1\n")
+    said = refused(say("monitor", "G[0,1] x > 0", "trace.csv", "--dt", "inf"))
+    assert said.endswith("dt is the sampling time in seconds and must be positive, got inf")
 
 
 def test_columns_that_no_formula_uses_may_hold_anything(say):

@@ -196,3 +196,13 @@ def test_what_leaves_its_ends_is_scaled_by_what_was_seen(tmp_path: Path, monkeyp
     content = yaml.safe_load((tmp_path / "zz-liar/task.yaml").read_text())
     assert content["environment"]["scale"] == {"o0": 5}
     assert content["signals"] == {"o0": {"low": -10, "high": 10}, "o1": {"low": -1, "high": 1}}
+
+
+def test_the_command_that_comes_next_can_be_pasted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "a b"
+    assert new("method", "zz-one", "--into", folder).splitlines()[-1].startswith(f"now: cd '{folder}/zz-one' && pip ")
+    words = "task", "zz-pole", "--environment", "CartPole-v1", "--into"
+    assert new(*words, folder).endswith(f"and stlbench check '{folder}/zz-pole'\n")
+    assert new(*words, "a b/c").endswith("and stlbench check './a b/c/zz-pole'\n")
+    assert new(*words, "c").endswith("and stlbench check ./c/zz-pole\n")

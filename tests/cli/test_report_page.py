@@ -32,6 +32,9 @@ def test_of_a_folder_that_cannot_be_written_the_page_goes_elsewhere(say, ran):
     done = say("report", "results", "--html", "--out", "pages/mine.html")
     assert (done.exit_code, done.stdout[:17]) == (0, "pages/mine.html: ")
     assert Page(Path("pages/mine.html").read_text()).cells
+    for folder in (".", "/"):
+        said = say("report", "results", "--html", "--out", folder).stderr
+        assert said == f"error: cannot write {folder}: it is a folder; --out FILE writes the page elsewhere\n"
     alone = say("report", "results", "--out", "mine.html")
     assert (alone.exit_code, alone.stdout, alone.stderr.count("\n")) == (2, "", 1)
     assert "--html" in alone.stderr

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import importlib
 import json
+import os
 import re
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ import stlbench
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import LINES
+from stlbench.share.bundle import METADATA, read_metadata
 
 STUDY = "tasks: toy-line\nmethods: [toy-raw, toy-wrong]\nagents: [toy-agent]\nexecutor: toy-here\nseeds: 1\n"
 
@@ -218,3 +221,19 @@ def test_a_report_for_a_column_has_narrow_figures_and_tables(ledger, say, drawn)
     inches = [float(re.search(r'width="([0-9.]+)pt"', text)[1]) / 72 for text in (wide, narrow)]
     assert inches == pytest.approx([7.16, 3.5], abs=0.01)
     assert "% Left out: " in Path("results/robustness.tex").read_text()
+
+
+def test_sources_are_looked_at_before_any_is_merged_and_each_has_a_line(say, ledger):
+    write_lines([result("funnel", 5)], Path("more") / LINES)
+    assert "there is neither nowhere" in refused(say("results", "merge", "results", "more", "nowhere"))
+    assert len(stlbench.Results.load("results")) == 3
+    lines = say("results", "merge", "results", "more", "more/").stdout.splitlines()
+    assert lines == ["more: 1 new, 0 better or newer, 0 left out", "more: 0 new, 0 better or newer, 1 left out"]
+
+
+def test_what_is_no_text_in_a_title_is_its_escape(say, ledger):
+    wrong = os.fsdecode(b"a\xff")
+    Path("results").rename(wrong)
+    assert say("bundle", wrong, "b.zip", "--author", wrong, "--license", wrong).exit_code == 0
+    about = read_metadata(zipfile.ZipFile("b.zip").read(METADATA).decode()).about
+    assert (about.title, about.authors, about.license) == ("a\\udcff", ("a\\udcff",), "a\\udcff")

@@ -234,6 +234,23 @@ def test_a_dry_run_says_what_would_run_and_writes_nothing(run, say):
     assert {path: path.stat().st_mtime_ns for path in Path("results").rglob("*")} == before
 
 
+def test_a_dry_run_refuses_a_log_as_the_run_does(run):
+    for words in ((), ("--dry-run",)):
+        done = run("toy-raw", "--log", "nope", *words)
+        assert (done.exit_code, "no log 'nope'" in done.stderr) == (2, True)
+
+
+def test_a_dry_run_refuses_a_parameter_as_the_run_does(run):
+    for words in ((), ("--dry-run",)):
+        assert "weight should be a number, got 'x'" in refused(run("toy-raw[weight=x]", *words))
+
+
+def test_a_dry_run_expects_no_time_from_another_budget(run):
+    with Ledger(Path("results") / LEDGER) as ledger:
+        ledger.record(result(budget="smoke"))
+    assert run("toy-raw", "--dry-run").stdout.endswith("; nobody knows for how long\n")
+
+
 def test_a_dry_run_knows_which_cells_a_run_gives_up(run):
     words = "toy-wrong", "--retry", "failed", "--attempts", "2"
     for left in ("2 of 2 cells would run", "2 of 2 cells would run", "nothing would run: all 2 cells have a result"):

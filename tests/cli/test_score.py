@@ -55,6 +55,10 @@ def mine(say, toy, monkeypatch):
     Path("zz_functions.py").write_text(MINE)
 
 
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+
 def begun():
     """x_0 of the report's starts."""
     return load_task("toy-line").starts.report_and_selection()[0][:, 0]
@@ -166,6 +170,27 @@ class TestOutside:
         again = json.loads(say("score", "toy-line", "zz_functions:down", "--name", "again", "--json").stdout)
         assert again["measurement"]["selected"]["random"]["summary"]["starts"] == 3
 
+    def test_an_interruption_loses_no_row(self, say, mine, monkeypatch):
+        say("score", "toy-line", "zz_functions:down", "--name", "mine")
+        with monkeypatch.context() as patch:
+            patch.setattr("stlbench.records.array_files.save_traces", interrupt)
+            assert say("score", "toy-line", "zz_functions:home", "--on", "state", "--name", "mine").exit_code == 130
+        (result,) = Results.load("results")
+        assert result.provenance["source"] == "zz_functions:down"
+        assert say("verify", "results").exit_code == 0
+
+    @pytest.mark.parametrize(
+        ("words", "rule"),
+        [
+            (["--seed", 10**20], "outside: seed: should be less than 9007199254740992"),
+            (["--seed", 2**60], "outside: seed: should be less than 9007199254740992"),
+            (["--name", "a" * 196], "outside: the name of a cell has at most 220 characters"),
+        ],
+    )
+    def test_a_cell_that_no_row_may_have_is_refused(self, say, mine, words, rule):
+        assert refused(say("score", "toy-line", "zz_functions:down", *words)).endswith(rule)
+        assert not Path("results").exists()
+
     def test_while_a_run_writes_the_folder_it_is_refused(self, say, mine):
         with writing(Path("results")):
             line = refused(say("score", "toy-line", "zz_functions:down"))
@@ -232,6 +257,19 @@ class TestStored:
         said = "it was trained on toy-line to observe a close-up, which task toy-line[without=features] does not show"
         assert line == f"error: {CELL}: {said}"
         assert say("score", "toy-line[hold=2]", CELL).exit_code == 0
+
+    def test_the_file_of_lines_alone_names_its_folder(self, say, monkeypatch):
+        agents = importlib.import_module("toy_plugins.agents")
+        monkeypatch.setattr(agents.Always, "onnx", lambda self: always(1), raising=False)
+        for file in ("results/cells.jsonl", "results/ledger.sqlite"):
+            assert "as recorded" in say("score", "toy-line", CELL, "--results", file).stdout
+            assert "as recorded" in say("policies", "run", CELL, "--results", file).stdout
+            assert say("export-policy", CELL, "p.onnx", "--results", file).exit_code == 0
+            assert say("render", file, CELL, "--start-index", 3).stdout.startswith("results/films/film-")
+            drawn = say("plot", file)
+            assert (drawn.stderr.count("no traces"), drawn.stdout.startswith("results/figures/")) == (0, True)
+            assert "policies of 2" in say("bundle", file, "b.zip").stdout
+            assert say("verify", file).stdout.startswith(f"{file}: 2 rows, ")
 
     def test_options_that_are_for_policies_from_outside(self, say):
         words = (("--name", "x"), ("--method", "toy-raw"), ("--on", "observation"), ("--seed", "0"))

@@ -77,6 +77,15 @@ def test_a_ledger_without_rows_is_empty(tmp_path):
     assert (done.exit_code, done.stdout) == (0, f"{tmp_path}/: 0 rows, 0 files as they were recorded: empty\n")
 
 
+def test_one_row_and_one_file_without_a_result_are_one(tmp_path):
+    with Ledger(tmp_path / LEDGER) as ledger:
+        ledger.record(result())
+    (tmp_path / "traces").mkdir()
+    (tmp_path / "traces" / "lost_0123456789ab.npz").touch()
+    said = f"{tmp_path}/: 1 row, 0 files as they were recorded: 1 file without a result"
+    assert said in say(tmp_path).stdout.splitlines()
+
+
 def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
         raise DiskFull("cannot write")
@@ -92,6 +101,13 @@ def test_a_bundle_of_a_run_is_fine(say, ran) -> None:
     assert done.stdout.startswith("Written to results.zip: 2 cells, policies of 2, ")
     assert done.stdout.endswith(" MB; licence CC-BY-4.0\n")
     assert check(Path("results.zip")) == (2, 2, ())
+
+
+@pytest.mark.parametrize("option", ["--author", "--license"])
+def test_a_bundle_has_no_empty_author_or_licence(say, ran, option) -> None:
+    for text in ("", " "):
+        assert refused(say("bundle", "results", option, text)).startswith("error: --author and --license need a text")
+    assert not Path("results.zip").exists()
 
 
 def test_compare_reads_bundles(say, ran) -> None:

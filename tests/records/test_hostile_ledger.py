@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import math
 import sqlite3
 import struct
 import warnings
+import zipfile
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
@@ -19,7 +22,7 @@ from stlbench.records import array_files, lines, results_folder, schema
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import cell_files
 from stlbench.records.rows import LedgerWarning
-from stlbench.records.upkeep import repair, verify
+from stlbench.records.upkeep import merge, remove, repair, verify
 from stlbench.study.results import Results
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT * FROM n"
@@ -150,3 +153,42 @@ def interior(child: int, size: int, width: int, *, is_index: bool, begin: int = 
     head = struct.pack(">BHHHBI", 2 if is_index else 5, 0, width, start, 0, child)
     slots = b"".join(struct.pack(">H", start + number * len(cell)) for number in range(width))
     return (head + slots).ljust(start - begin, b"\0") + cell * width
+
+
+@pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
+@pytest.mark.parametrize("key", [b"\x00ab", None])
+def test_keys_that_are_no_text_are_passed_over(ledger: Path, tmp_path: Path, key: bytes | None) -> None:
+    columns = "?, task, method, agent, 77, budget, track FROM cells LIMIT 1"
+    say(ledger, *(f"INSERT INTO {table} SELECT {columns}" for table in ("planned", "recorded")), values=(key,))
+    assert verify(ledger.parent).rows == 3
+    assert lines.text_of([], results_folder.missing(ledger.parent)).count("\n") == 6
+    assert merge(tmp_path / "merged", ledger.parent).planned == 6
+    remove(ledger.parent, [result(seed=77).id])
+    assert repair(ledger.parent).rows == 3
+
+
+@pytest.mark.parametrize("shape", [(1, 2**18, 1), (1, 100, 1)])
+def test_a_shape_that_is_negative_hides_no_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shape: tuple[int, ...]
+) -> None:
+    """An archive whose second array takes back what the first one takes."""
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for name, said in (("traces", shape), ("zz", (-(10**12),))):
+            head = io.BytesIO()
+            np.lib.format.write_array_header_1_0(head, {"descr": "|i1", "fortran_order": False, "shape": said})
+            archive.writestr(f"{name}.npy", head.getvalue() + bytes(max(0, math.prod(said))))
+    monkeypatch.setattr(array_files, "LARGEST", 2**20)
+    if shape[1] > 2**17:
+        with pytest.raises(UsageError, match="its arrays would take 2 MiB, at most 1 are read"):
+            array_files.read_arrays(tmp_path / "a.npz", "traces")
+    assert array_files.size_as_floats(tmp_path / "a.npz") > 8 * math.prod(shape)
+
+
+def test_of_a_header_no_more_is_read_than_a_header_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("traces.npy", b"\x93NUMPY\x02\x00" + (2**22).to_bytes(4, "little") + b" " * 2**22)
+    taken, plain = list[int](), zipfile.ZipExtFile.read
+    monkeypatch.setattr(zipfile.ZipExtFile, "read", lambda file, n=-1: taken.append(n) or plain(file, n))
+    with pytest.raises(ValueError, match="header"):
+        array_files.read_arrays(tmp_path / "a.npz")
+    assert taken == [2**16]

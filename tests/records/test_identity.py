@@ -72,3 +72,10 @@ def test_a_cell_is_found_by_name_and_by_budget_where_there_are_several():
         find_cell([one], "overlap/funnel/dqn/3")
     with pytest.raises(UsageError, match="names no cell; a name is task/method/agent/seed"):
         find_cell([one], "overlap")
+
+
+@pytest.mark.parametrize("digits", ["1" * 20, "9" * 5000])
+def test_a_seed_that_is_too_long_is_one_line(digits):
+    with pytest.raises(UsageError, match="names no cell") as caught:
+        CellId.parse(f"a/b/c/{digits}", "smoke")
+    assert len(str(caught.value)) < 1000

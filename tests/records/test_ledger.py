@@ -306,3 +306,14 @@ def test_a_folder_that_cannot_be_written_can_be_read(path, mode):
         ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         shown.parent.chmod(0o755)
     assert ran.stdout == "1 1\n", ran.stderr
+
+
+def test_a_fresh_ledger_takes_any_number_of_cells(path, monkeypatch):
+    """The guard on the opening of a stranger's file is none on what is written into a new one."""
+    monkeypatch.setattr("stlbench.records.schema._OPENING", 3_000)
+    results = [result("raw", seed) for seed in range(60)]
+    with Ledger(path) as ledger:
+        ledger.plan({one.key: one.id for one in results})
+        for one in results:
+            ledger.record(one)
+        assert len(list(ledger.results())) == 60

@@ -15,7 +15,7 @@ from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
 from stlbench.records.result import Result
 from stlbench.records.result_files import LINES, cell_files
-from stlbench.records.upkeep import Merged, choose, merge, remove
+from stlbench.records.upkeep import Merged, choose, merge, remove, verify
 from stlbench.report import condense
 from stlbench.study.results import Results
 
@@ -212,3 +212,92 @@ def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):
         with results_folder.one_by_one(folder) as find:
             assert [find(entry.id) for entry in entries] == list(results_folder.read(folder))
             assert find(result(seed=7).id) is None
+
+
+def test_a_damaged_result_takes_the_place_of_no_sound_one(tmp_path):
+    a = result("funnel", 0)
+    for key in (a.key, "f" * 64):
+        into = folder_of(tmp_path / key / "into", at(MORNING, a))
+        source = folder_of(tmp_path / key / "source", at(EVENING, a, key))
+        file = cell_files(source, a.id, key).policies
+        file.write_text("not as it was recorded")
+        assert merge(into, source) == counts(kept=1, damaged=(str(file),))
+        assert [path.read_text() for path in cell_files(into, a.id, a.key)[:2]] == ["into"] * 2
+        assert verify(into).is_whole
+    failed = folder_of(tmp_path / "failed", at(EVENING, result("funnel", 0, "killed")))
+    assert merge(failed, source) == counts(replaced=1, damaged=(str(file),))
+
+
+def test_a_sound_result_takes_the_place_of_a_damaged_one(tmp_path):
+    """Though it is older: so files that were lost come back by a merge."""
+    a = result("funnel", 0)
+    into, source = folder_of(tmp_path / "into", at(EVENING, a)), folder_of(tmp_path / "source", at(MORNING, a))
+    cell_files(into, a.id, a.key).policies.unlink()
+    assert merge(into, source) == counts(replaced=1)
+    assert [path.read_text() for path in cell_files(into, a.id, a.key)[:2]] == ["source"] * 2
+    assert verify(into).is_whole
+
+
+def test_deleted_traces_are_no_damage_to_a_merge(tmp_path):
+    """They may be deleted to save space. The later result stays on both sides, and text alone mends nothing."""
+    a = result("funnel", 0)
+    into, source = folder_of(tmp_path / "into", at(EVENING, a)), folder_of(tmp_path / "source", at(MORNING, a))
+    cell_files(into, a.id, a.key).traces.unlink()
+    assert merge(into, source) == counts(kept=1)
+    text = tmp_path / "text"
+    write_lines(results_folder.read(source), text / LINES)
+    assert merge(into, text) == counts(kept=1)
+    assert cell_files(into, a.id, a.key).policies.read_text() == "into"
+    assert merge(source, into) == counts(replaced=1)
+
+
+def test_a_log_of_a_failure_goes_with_it(tmp_path):
+    a = result("funnel", 0)
+    into = folder_of(tmp_path / "into", at(MORNING, replace(result("funnel", 0, "killed"), key=a.key)))
+    source = folder_of(tmp_path / "source", at(EVENING, a))
+    log = cell_files(into, a.id, a.key).log
+    log.parent.mkdir(exist_ok=True)
+    log.write_text("Killed")
+    assert merge(into, source) == counts(replaced=1)
+    assert not log.exists()
+
+
+def test_where_files_cannot_be_copied_no_result_is_lost(tmp_path):
+    a = result("funnel", 0)
+    into, source = folder_of(tmp_path / "into", at(MORNING, a)), folder_of(tmp_path / "source", at(EVENING, a, "newer"))
+    (into / "policies").rename(tmp_path / "aside")
+    (into / "policies").symlink_to(tmp_path / "aside")
+    with pytest.raises(UsageError, match="is a link"):
+        merge(into, source)
+    assert [one.key for one in Results.load(into)] == [a.key]
+
+
+def test_where_the_ledger_cannot_be_written_the_result_of_before_stays(tmp_path, monkeypatch):
+    a = result("funnel", 0)
+    into, source = folder_of(tmp_path / "into", at(MORNING, a)), folder_of(tmp_path / "source", at(EVENING, a, "newer"))
+
+    def full(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("stlbench.records.ledger._insert", full)
+    with pytest.raises(KeyboardInterrupt):
+        merge(into, source)
+    assert [one.key for one in Results.load(into)] == [a.key]
+    assert [path.read_text() for path in cell_files(into, a.id, a.key)[:2]] == ["into"] * 2
+
+
+def test_what_takes_the_place_of_a_result_is_the_last_line_of_its_cell(tmp_path):
+    a = result("funnel", 0)
+    into, source = folder_of(tmp_path / "into", at(MORNING, a)), folder_of(tmp_path / "source", at(EVENING, a, "newer"))
+    merge(into, source)
+    assert [one.key for one in Results.load(into / LINES)] == ["newer"]
+    assert verify(into).is_whole
+
+
+def test_a_file_is_no_folder_to_merge_into_and_one_with_results_is_a_source(folder, tmp_path):
+    (tmp_path / "a.py").touch()
+    with pytest.raises(UsageError, match=r"a\.py is a file; name a folder of results"):
+        merge(tmp_path / "a.py", folder)
+    for number, source in enumerate((folder / LEDGER, folder / LINES)):
+        assert merge(tmp_path / f"new-{number}", source) == counts(added=5)
+        assert verify(tmp_path / f"new-{number}").is_whole

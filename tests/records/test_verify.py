@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from helpers import scripted_cells
 from helpers.ledgers import say
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records import results_folder
+from stlbench.records import array_files, results_folder
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
+from stlbench.records.result import StoredPolicies
 from stlbench.records.result_files import LINES, cell_files
 from stlbench.records.upkeep import merge, remove, repair, verify
 
@@ -178,3 +180,32 @@ def test_a_folder_of_lines_and_none_at_all(tmp_path):
         verify(tmp_path)
     write_lines([keyed(0)], tmp_path / LINES)
     assert (verify(tmp_path).rows, verify(tmp_path).is_whole) == (1, True)
+
+
+def test_the_policies_beside_lines_are_compared_with_their_hashes(tmp_path):
+    arrays = {"selected": {"a": np.zeros(3)}, "final": {"a": np.ones(3)}}
+    hashes = StoredPolicies(*map(array_files.digest, arrays.values()), 4)
+    one, other = keyed(0), replace(keyed(1), measurement=replace(keyed(1).measurement, policies=hashes))
+    write_lines([one, other], tmp_path / LINES)
+    assert (verify(tmp_path).rows, verify(tmp_path).files, verify(tmp_path).is_whole) == (2, 0, True)
+    path = cell_files(tmp_path, other.id, other.key).policies
+    for final in ({"final/a": arrays["final"]["a"]}, {}):  # the final one may be left out
+        array_files.write_arrays(path, {"selected/a": arrays["selected"]["a"], **final})
+        for place in (tmp_path, tmp_path / LINES):
+            assert (verify(place).rows, verify(place).files, verify(place).is_whole) == (2, 1, True)
+    content = path.read_bytes()
+    for wrong in ({"selected/a": np.ones(3)}, {"selected/a": np.zeros(3), "final/a": np.zeros(3)}):
+        array_files.write_arrays(path, wrong)
+        (damage,) = verify(tmp_path).damages
+        assert (damage.cell, damage.what) == (other.id, "policies")
+        assert "its hash is not the recorded one" in damage.problem
+    path.write_bytes(content[:-30])
+    assert len(verify(tmp_path).damages) == 1
+    with pytest.raises(UsageError, match=r"but cells\.jsonl; take damaged files from where they came"):
+        repair(tmp_path)
+
+
+def test_repair_makes_no_folder_that_was_mistyped(tmp_path):
+    with pytest.raises(UsageError, match="there is no ledger at"):
+        repair(tmp_path / "typo")
+    assert not (tmp_path / "typo").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import zipfile
 from dataclasses import replace
 
@@ -13,7 +14,8 @@ from helpers import bundles
 
 from stlbench.errors import UsageError
 from stlbench.records import results_folder
-from stlbench.share.bundle import pack
+from stlbench.records.ledger import LEDGER
+from stlbench.share.bundle import check, pack
 from stlbench.study.results import Results
 
 
@@ -70,3 +72,15 @@ def test_the_citation_says_what_was_said_whatever_it_was(bundle) -> None:
     assert citation["title"] == 'A study: of "lines"'
     assert [author["name"] for author in citation["authors"]] == ["Ada Lovelace", "O'Neil & Sons"]
     assert (citation["type"], citation["license"]) == ("dataset", "CC0-1.0")
+
+
+def test_only_the_tables_of_a_report_are_packed(site, tmp_path) -> None:
+    folder = bundles.folder_of_results(site, tmp_path / "results")
+    for name in ("notes: mine.md", "a\\b.csv", "README.md", os.fsdecode(b"a\xff.md"), "robustness.csv", "report.html"):
+        (folder / name).write_text("x")
+    for place in (folder, folder / LEDGER):  # the ledger alone names its folder
+        packed = pack(place, tmp_path / "b.zip", bundles.ABOUT)
+        top = [name for name in names(tmp_path / "b.zip") if "/" not in name]
+        known = ["cells.jsonl", "report.html", "report.md", "robustness.csv", "CITATION.cff", "ro-crate-metadata.json"]
+        assert (top, packed.policies) == (known, 1)
+        assert check(tmp_path / "b.zip") == (1, 1, ())

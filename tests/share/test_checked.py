@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import stat
 import zipfile
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import pytest
 from helpers import bundles, line_task
 from helpers.ledgers import say
 
-from stlbench.errors import UsageError
+from stlbench.errors import DiskFull, UsageError
 from stlbench.records import array_files
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result import TASK_FOLDER
@@ -185,3 +187,29 @@ def test_a_worse_policy_under_the_numbers_of_a_better_one_is_found(bundle, tmp_p
     assert check(path).problems == ()
     (found,) = rescore(path)
     assert found.verdict == "claims more"
+
+
+def test_a_disk_that_cannot_take_a_bundle_is_no_damage_of_it(bundle, monkeypatch) -> None:
+    @contextmanager
+    def full(path, *_):
+        raise DiskFull(f"cannot write {path}: No space left on device")
+        yield
+
+    monkeypatch.setattr(bundle_module, "opened", full)
+    with pytest.raises(DiskFull, match=r"cannot write .*: No space left"):
+        check(bundle)
+    monkeypatch.undo()
+
+    def nowhere(**_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tempfile.TemporaryDirectory", nowhere)
+    with pytest.raises(DiskFull, match="cannot make a temporary folder: No space left"):
+        check(bundle)
+
+
+def test_a_size_that_is_no_number_is_one_line(bundle, tmp_path) -> None:
+    with zipfile.ZipFile(bundle) as archive:
+        text = archive.read(METADATA).replace(b'"contentSize": "', b'"contentSize": 1e999, "z": "', 1)
+    with pytest.raises(UsageError, match="is not that of a bundle of stlbench: OverflowError"):
+        check(bundles.changed(bundle, tmp_path / "inf.zip", {METADATA: text}))

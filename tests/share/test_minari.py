@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,10 @@ from typer.testing import CliRunner
 
 from stlbench import stl
 from stlbench.cli import app
+from stlbench.records.lines import write_lines
+from stlbench.records.result_files import cell_files
+from stlbench.registry.choices import Choice
+from stlbench.share.minari import _all_or_none
 from stlbench.share.zoo import ZOO
 from stlbench.simulation.environment import Simulator
 from stlbench.study.results import Results
@@ -80,3 +86,41 @@ def test_a_file_in_place_of_the_folder_and_results_without_policies_are_one_line
     assert said.count("\n") == 1
     folder = Path(__file__).parents[2] / "results" / "auto-field"
     assert export(folder, tmp_path) == f"error: {folder} has no stored policy, which could act again\n"
+
+
+def test_where_a_policy_cannot_act_no_data_set_is_written(mine: Path, tmp_path: Path) -> None:
+    pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    both, other = tmp_path / "both", tmp_path / "other"
+    assert CliRunner().invoke(app, ["policies", "get", "reach-stay/raw/dqn/0", str(other)]).exit_code == 0
+    (file,) = (other / "policies").iterdir()
+    file.write_bytes(file.read_bytes()[:-100])
+    shutil.copytree(mine, both)
+    shutil.copy(file, both / "policies")
+    (both / "cells.jsonl").write_text("".join((place / "cells.jsonl").read_text() for place in (mine, other)))
+    assert export(both, tmp_path / "out").startswith("error: cannot read ")
+    assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
+
+
+def test_two_tasks_that_would_be_one_data_set_are_refused(mine: Path, tmp_path: Path) -> None:
+    pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    (result,) = Results.load(mine)
+    tasks = [Choice("my", (("goal", value),)) for value in ("-1", "1")]
+    both = [replace(result, id=replace(result.id, task=task)) for task in tasks]
+    write_lines(both, tmp_path / "cells.jsonl")
+    (tmp_path / "policies").mkdir()
+    for one in both:
+        cell_files(tmp_path, one.id, one.key).policies.touch()
+    said = (
+        "my[goal=-1] and my[goal=1] would both be stlbench/my-goal-1-shared-v0; export them from folders of their own"
+    )
+    assert export(tmp_path, tmp_path / "out") == f"error: {said}\n"
+
+
+def test_a_card_that_was_there_stays_where_an_export_fails(tmp_path: Path) -> None:
+    (tmp_path / "README.md").write_text("mine")
+    (tmp_path / "data").mkdir()
+    with pytest.raises(KeyboardInterrupt), _all_or_none([tmp_path]):
+        raise KeyboardInterrupt
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]

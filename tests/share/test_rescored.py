@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -86,3 +87,11 @@ def test_every_protocol_counts() -> None:
     assert Rescored(None, {MAIN: one, "random": one}, {MAIN: one}).verdict == "claims more"
     worse = {MAIN: one, "random": Score((0.5,), (True,), {})}
     assert Rescored(None, {MAIN: one, "random": one}, worse).verdict == "claims more"
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")  # the mean of both infinities
+@pytest.mark.parametrize("other", [0.2, -math.inf])
+def test_an_infinite_robustness_is_claimed_in_vain(other) -> None:
+    claimed, found = Score((math.inf, other), (True, True), {}), Score((0.3, 0.2), (True, True), {})
+    assert Rescored(None, {MAIN: claimed}, {MAIN: found}).verdict == "claims more"
+    assert Rescored(None, {MAIN: claimed}, {MAIN: claimed}).verdict == "as recorded"

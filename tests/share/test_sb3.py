@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import pickle
 import zipfile
@@ -20,6 +21,7 @@ from helpers.sb3_models import saved
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
 from stlbench.records.observation import Observation
+from stlbench.share import torch_files
 from stlbench.share.torch_files import load_sb3
 
 GRID = ActionGrid(("v",), ((-1.0, 0.0, 1.0),))
@@ -147,3 +149,32 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     for name in ("a.zip", "b.zip"):
         with pytest.raises(UsageError, match=f"{name} is no model that Stable-Baselines3 saved"):
             load_sb3(tmp_path / name, GRID, Observation(4))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"q_net.q_net.0.bias": None}, "it has no layer 'q_net.q_net.0.bias'"),
+        ({"q_net.q_net.0.weight": torch.zeros(8)}, r"'q_net.q_net.0.' has a weight \(8,\) and a bias \(8,\)"),
+        ({"q_net.q_net.2.bias": torch.tensor(0.0)}, r"a weight \(3, 8\) and a bias \(\), and the layer before has 8"),
+        ({"q_net.q_net.2.weight": torch.zeros(3, 9)}, r"a weight \(3, 9\) .*, and the layer before has 8 outputs"),
+        ({"q_net.q_net.2.bias": torch.zeros(3, dtype=torch.complex64)}, "is of complex64; weights are real numbers"),
+    ],
+)
+def test_layers_that_are_wrong_are_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    model = saved(tmp_path / "m.zip", "DQN", World(space_of(GRID)), net_arch=[8])
+    content = {name: weight for name, weight in (model.policy.state_dict() | changes).items() if weight is not None}
+    file = io.BytesIO()
+    torch.save(content, file)
+    path = changed(tmp_path / "m.zip", tmp_path / "n.zip", {"policy.pth": file.getvalue()})
+    with pytest.raises(UsageError, match=message):
+        load_sb3(path, GRID, Observation(4))
+
+
+def test_what_would_take_all_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch_files, "LARGEST", 2**20)
+    with zipfile.ZipFile(tmp_path / "m.zip", "w", zipfile.ZIP_DEFLATED) as file:
+        for name in ("data", "policy.pth"):
+            file.writestr(name, bytes(2**20))
+    with pytest.raises(UsageError, match=r"m.zip: it would take 2 MiB unpacked, at most 1 are read"):
+        load_sb3(tmp_path / "m.zip", GRID, Observation(4))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import builtins
+import io
 import pickle
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,10 @@ import torch
 from stlbench.contract import Policy
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
+from stlbench.share import torch_files
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
-from stlbench.share.torch_files import load_state_dict
+from stlbench.share.torch_files import load_state_dict, read_weights
 from stlbench.simulation.baselines import Unpaid
 from stlbench.simulation.referee import Referee
 from stlbench.task import load_task
@@ -122,6 +125,8 @@ def weights(**changes: Any) -> dict[str, Any]:
     ("content", "form", "message"),
     [
         (weights(), "mlp[4,16,16,6]", r"--architecture mlp\[4,16,16,6\]: expected are sizes and an activation, as in"),
+        (weights(), f"mlp[{'9' * 5000},6;relu]", "expected are sizes and an activation, as in"),
+        (weights(**{"last.bias": torch.zeros(6, dtype=torch.complex64)}), FORM, "'last.bias' is of complex64; weights"),
         (weights(), "lstm[4,6;relu]", r"--architecture lstm\[4,6;relu\]: expected are sizes"),
         (weights(), "mlp[4,16,16,6;gelu]", "no activation 'gelu'; did you mean 'relu'|there are: relu, tanh"),
         (weights(), "mlp[4,16,6;relu]", r"3 layers, first., second., last.; mlp\[4,16,6;relu\] has 2"),
@@ -183,3 +188,22 @@ def test_an_architecture_and_a_table_are_for_what_has_a_use_for_them(tmp_path: P
     for policy in (str(tmp_path / "t.csv"), "hold-disc/funnel/dqn/0"):
         with pytest.raises(UsageError, match="--actions is for a policy from outside that acts; leave it out"):
             find_source(policy, None, "own.csv")
+
+
+def test_what_would_take_all_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tensor that repeats one number is small in its file, and so is a file that is packed once more."""
+    path = written(tmp_path / "q.pt", weights(**{"last.bias": torch.zeros(1).expand(10**6, 10**6)}))
+    with pytest.raises(UsageError, match=r"q.pt: its weights would take \d+ MiB, at most 2048 are read"):
+        load_state_dict(path, FORM, 4)
+    with zipfile.ZipFile(tmp_path / "z.pt", "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("archive/data/0", bytes(2**21))
+    monkeypatch.setattr(torch_files, "LARGEST", 2**20)
+    with pytest.raises(UsageError, match=r"z.pt: it would take 2 MiB unpacked, at most 1 are read"):
+        load_state_dict(tmp_path / "z.pt", FORM, 4)
+
+
+def test_the_older_format_of_torch_is_read_from_bytes_too(tmp_path: Path) -> None:
+    content = io.BytesIO()
+    torch.save({"a.weight": torch.ones(2, 3)}, content, _use_new_zipfile_serialization=False)
+    read = read_weights(tmp_path / "old.pt", io.BytesIO(content.getvalue()))
+    assert read["a.weight"].tolist() == [[1.0] * 3] * 2

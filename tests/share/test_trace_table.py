@@ -38,6 +38,10 @@ class TestAsProgramsWriteIt:
         assert (found.delimiter, found.titles, values(found, "x")) == ("semicolons", ("x", "y,z"), [[1]])
         assert values(table(tmp_path, "sep=|\nx|y\n1|2\n"), "y") == [[2]]
 
+    def test_an_end_of_line_is_no_delimiter(self, tmp_path: Path) -> None:
+        with pytest.raises(UsageError, match="row 2 has 2 values, the header names 1 signals"):
+            table(tmp_path, "sep=\r\nx,y\r\n1,2\r\n")
+
     def test_compressed_or_in_utf_16(self, tmp_path: Path) -> None:
         text = "x,µ\n1,2\n"
         for content in (gzip.compress(text.encode()), text.encode("utf-16"), gzip.compress(text.encode("utf-16"))):
@@ -154,7 +158,9 @@ class TestTimes:
         assert found.sampling_time() == 0.02
 
     def test_times_beyond_all_floats_are_refused(self, tmp_path: Path) -> None:
-        for texts, message in ((("-1e308", "1e308"), "are too far apart"), (("0", "nan"), "'nan' is no finite number")):
+        exponent = "has a time with an exponent that is too large"
+        cases = ((("-1e308", "1e308"), "are too far apart"), (("0", "nan"), "'nan' is no finite number"))
+        for texts, message in (*cases, (("0", "1e-9999999999999999999"), exponent)):
             times = times_of(table(tmp_path, "t\n" + "\n".join(texts) + "\n"))
             assert times is not None
             with pytest.raises(UsageError, match=message):
