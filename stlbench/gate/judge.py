@@ -29,7 +29,9 @@ from stlbench.statistics.differences import holm
 
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
 EXIT: dict[Verdict, int] = {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
-"""Exit code of each verdict. The whole has the first that is found of: worse, missing, cannot tell."""
+"""Exit code of each verdict."""
+WORST_FIRST: tuple[Verdict, ...] = ("worse", "missing", "cannot tell")
+"""The verdicts that are not fine. The whole has the first that is found."""
 ALPHA = 0.01  # probability that anything is called worse by chance (Holm's correction)
 LEVEL = 0.95
 """Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
@@ -76,11 +78,10 @@ class Judgement:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on the whole; see `EXIT`. Nothing compared is `missing`."""
+        """The verdict on the whole; see `WORST_FIRST`. Nothing compared is `missing`."""
         verdicts = {comparison.verdict for comparison in self.comparisons}
         verdicts |= {finding.verdict for finding in self.findings}
-        order: tuple[Verdict, ...] = ("worse", "missing", "cannot tell")
-        worst: Verdict = next((verdict for verdict in order if verdict in verdicts), "no worse")
+        worst: Verdict = next((verdict for verdict in WORST_FIRST if verdict in verdicts), "no worse")
         return "missing" if worst == "no worse" and not self.comparisons else worst
 
 

@@ -212,7 +212,8 @@ def _table(path: Path) -> Snapshot:
 def _row(row: Mapping[str, str | None], where: str) -> Sample:
     missing = [name for name in (*IDENTITY, "status", *NUMBERS) if name != "track" and row.get(name) is None]
     if missing:
-        raise UsageError(f"{where}: no column {', '.join(missing)}; expected are {', '.join(COLUMNS)}")
+        short = " in this line, which is too short" if row.keys() >= {*missing} else ""
+        raise UsageError(f"{where}: no column {', '.join(missing)}{short}; expected are {', '.join(COLUMNS)}")
     texts = {name: row.get(name) or "" for name in COLUMNS}
     cell = {name: texts[name] for name in IDENTITY if texts[name] or name != "track"}  # a table may have no tracks
     numbers = {name: texts[name] for name in NUMBERS if texts[name]}

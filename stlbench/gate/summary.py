@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from stlbench.gate.judge import EXIT, Comparison, Judgement, Verdict
+from stlbench.gate.judge import EXIT, WORST_FIRST, Comparison, Judgement, Verdict
 from stlbench.gate.snapshot import METRICS, Snapshot
 from stlbench.records import result_files
 from stlbench.report.tables.table import Column, Table, Value, to_markdown
@@ -21,6 +21,7 @@ ELEMENTS: dict[Verdict, str] = {"worse": "failure", "missing": "error", "cannot 
 """The content of a JUnit test case; "no worse" has none. "Cannot tell" fails no build: it asks for more seeds."""
 _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that no XML document may have, escaped or not."""
+_END_OF_MARK = re.compile("-{2,}!?>+")  # the end of a comment in Markdown and HTML, with what its removal would join
 
 
 def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Named) -> None:
@@ -86,7 +87,7 @@ def comment(title: str, judgement: Judgement, base: Named, new: Named) -> str:
     It begins with a hidden mark, by which the next run against this base finds and replaces it.
     """
     trouble, settings = _trouble(judgement), _settings(judgement)
-    mark = f"{title} {base[0]}".replace("-->", "")
+    mark = _END_OF_MARK.sub("", f"{title} {base[0]}")
     shown = [f"<!-- {mark} -->", _head(title, judgement, base, new)]
     shown += [to_markdown(trouble)] if trouble.rows else []
     folded = f"<details><summary>{settings.title}</summary>\n\n{to_markdown(settings)}\n</details>\n"
@@ -108,7 +109,7 @@ def _head(title: str, judgement: Judgement, base: Named, new: Named) -> str:
 
 def _notes(base: Snapshot, new: Snapshot) -> list[str]:
     further = len(new.samples.keys() - base.samples.keys())
-    machines = {snapshot.provenance.get("machine") for snapshot in (base, new)}
+    machines = {snapshot.provenance.get("machine") for snapshot in (base, new) if snapshot.samples}
     notes = [f"Cells of the new snapshot alone, which were not compared: {further}."] if further else []
     if len(machines) > 1:
         notes.append("The two were measured on different machines, which may round differently.")
@@ -118,13 +119,14 @@ def _notes(base: Snapshot, new: Snapshot) -> list[str]:
 def _trouble(judgement: Judgement) -> Table:
     """One row for each bad verdict, the worst first. Cells are texts, since each row has its metric's unit."""
     titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "pairs", "p", "reason")
-    rows: list[tuple[int, tuple[Value, ...]]] = [
-        (EXIT[finding.verdict], (finding.verdict, finding.cell.name, *[None] * 8, finding.reason or None))
+    rows: list[tuple[Verdict, tuple[Value, ...]]] = [
+        (finding.verdict, (finding.verdict, finding.cell.name, *[None] * 8, finding.reason or None))
         for finding in judgement.findings
     ]
-    rows += [(code, _comparison_row(each)) for each in judgement.comparisons if (code := EXIT[each.verdict])]
+    rows += [(each.verdict, _comparison_row(each)) for each in judgement.comparisons if each.verdict in WORST_FIRST]
+    rows.sort(key=lambda row: WORST_FIRST.index(row[0]))
     columns = tuple(Column(title, right=title not in ("verdict", "where", "metric", "reason")) for title in titles)
-    return Table("What is not fine", columns, tuple(row for _, row in sorted(rows, key=lambda row: row[0])))
+    return Table("What is not fine", columns, tuple(row for _, row in rows))
 
 
 def _comparison_row(comparison: Comparison) -> tuple[Value, ...]:

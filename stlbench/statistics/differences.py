@@ -186,9 +186,9 @@ def holm(chances: Sequence[float]) -> list[float]:
     return corrected
 
 
-_ALL_DEALS = 200_000
-"""All deals are computed if they are no more, up to 10 seeds against 10. Else as many as fit into `_HELD` are drawn."""
-_HELD = 4_000_000  # numbers that the drawn deals have together
+_HELD = 4_000_000
+"""Numbers that the deals have together, at most. All deals are computed if these have no more, up to 10 seeds against
+10. Else as many as fit are drawn."""
 _FLOOR, _TIE = 1e-9, 1e-5
 """The least variance, where the spread of all values is 1; statistics closer than the second number are the same."""
 
@@ -230,9 +230,10 @@ def _statistics(one: Sample, other: Sample) -> list[Array]:
     n, m = len(one), len(other)
     pooled = [*sorted(one), *sorted(other)]
     values = np.array([value for value, _ in pooled])
+    ranks = stats.rankdata(values)  # before they are rounded: beside a huge failure the others look equal
     values -= values.mean()
     values /= np.abs(values).max() or 1.0
-    columns = np.column_stack([values, values**2, stats.rankdata(values), [learned for _, learned in pooled]])
+    columns = np.column_stack([values, values**2, ranks, [learned for _, learned in pooled]])
     sums, whole = _deals(n, m) @ columns, columns.sum(axis=0)
     rest = whole - sums
     squared_error = sum(
@@ -250,7 +251,7 @@ def _deals(n: int, m: int) -> Array:
     always the same.
     """
     count = n + m
-    if math.comb(count, n) > _ALL_DEALS:
+    if math.comb(count, n) * count > _HELD:
         drawn = np.random.default_rng(0).random((max(1000, _HELD // count), count)).argsort(axis=1)[:, :n]
         rows = np.vstack([np.arange(n), drawn])
     else:

@@ -116,7 +116,7 @@ def mean_curve(
 ) -> MeanCurve:
     """The mean of the seeds' curves, with its 95 % t interval if there are two seeds or more.
 
-    The interval is cut at what is `possible`, but never between the seeds.
+    The interval is cut at what is `possible`, but never between the seeds. The curves `overlap`.
     """
     steps, values = aligned(curves, value)
     ends = [mean_interval(column.tolist()) or (np.nan, np.nan) for column in values.T]
@@ -124,6 +124,11 @@ def mean_curve(
     low = np.maximum(low, np.minimum(possible[0], values.min(axis=0)))
     high = np.minimum(high, np.maximum(possible[1], values.max(axis=0)))
     return MeanCurve(steps, values.mean(axis=0), low, high, float(values.min()), float(values.max()))
+
+
+def overlap(curves: Sequence[Sequence[Point]]) -> bool:
+    """Whether the curves have common steps: the latest first checkpoint is no later than the earliest last one."""
+    return max(curve[0][0] for curve in curves) <= min(curve[-1][0] for curve in curves)
 
 
 def aligned(curves: Sequence[Sequence[Point]], value: Callable[[Point], float]) -> tuple[Array, Array]:

@@ -87,6 +87,8 @@ def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
         (HEADER + LINE.replace("0.25", ""), "line 2: status is done and one of robustness_mean"),
         (HEADER + LINE + LINE, "line 3: a second row of disc/funnel/dqn/0, budget smoke"),
         (HEADER + "disc,funnel\n", "line 2: no column agent, seed, budget"),
+        (HEADER + LINE.rpartition(",")[0] + "\n", "no column reward_nanoseconds in this line, which is too short;"),
+        (HEADER.rpartition(",")[0] + "\n" + LINE, "no column reward_nanoseconds; expected are task,"),
         ("a,b\n1,2\n", "line 2: no column task, method"),
         ('a,b\n"1,2\n', "cannot read"),
     ],

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import pytest
@@ -65,6 +66,11 @@ class TestComment:
         text = comment("gate", MIXED, ("a-->b", SIDES[0][1]), SIDES[1])
         assert text.startswith("<!-- gate ab -->\n")
 
+    @pytest.mark.parametrize(("path", "shown"), [("a---->>b", "ab"), ("a--!>b", "ab"), ("a-->-->b--c->d", "ab--c->d")])
+    def test_what_is_left_of_a_path_cannot_close_the_mark(self, path: str, shown: str) -> None:
+        text = comment("gate", MIXED, (path, SIDES[0][1]), SIDES[1])
+        assert text.startswith(f"<!-- gate {shown} -->\n")
+
     def test_it_never_is_longer_than_a_comment_may_be(self) -> None:
         many = [replace(MIXED.findings[0], reason="x" * 300) for _ in range(400)]
         text = comment("gate", replace(MIXED, findings=tuple(many)), *SIDES)
@@ -92,6 +98,11 @@ class TestNumbers:
             [*where, "robustness", "0.4", "0.3", "-25.0%", "[-30.0%, -20.0%]", "-5.0%", "10", "0.004", "-"],
             [*where, "CPU", "8", "10", "x1.25", "[x0.80, x2.00]", "x1.14", "5", "0.25", "-"],
         ]
+
+    def test_the_worst_is_first_then_what_is_missing(self) -> None:
+        _, _, table = markdown("gate", MIXED, *SIDES).partition("## What is not fine\n")
+        found = [line.strip("| ").partition(" |")[0].strip() for line in table.splitlines() if "/funnel/" in line]
+        assert found[:3] == ["worse", "missing", "cannot tell"]
 
     def test_all_settings(self) -> None:
         """The pairs are the most of any metric. A metric that was not measured has none."""
@@ -130,3 +141,11 @@ def test_four_files(tmp_path: Path) -> None:
     assert sorted(files) == ["comment.md", "gate.json", "gate.md", "gate.xml"]
     assert json.loads(files["gate.json"])["verdict"] == "worse"
     assert files["gate.md"].startswith("# stlbench gate: worse\n")
+
+
+def test_a_side_without_a_result_has_no_machine() -> None:
+    """Two sides of different machines are told so; a side that is only planned was measured nowhere."""
+    here, there = (Snapshot({CELL: cast("Any", None)}, {"machine": name}) for name in ("A", "B"))
+    said = "measured on different machines"
+    assert said in markdown("t", MIXED, ("base", here), ("new", there))
+    assert said not in markdown("t", MIXED, ("base", here), ("new", Snapshot({}, {})))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.statistics.differences import exact_test
+from stlbench.statistics.differences import _deals, exact_test
 
 COMPUTED = exact_test.__wrapped__
 """Without its cache, which simulations would fill."""
@@ -81,6 +81,13 @@ def test_the_looks_differ_where_one_seed_of_the_better_method_is_very_bad():
     assert rank.chance < 0.05 < mean.chance
 
 
+def test_ranks_see_the_other_seeds_beside_one_whose_robustness_is_huge():
+    usual, other = [0.9, 0.91, 0.92, 0.93, 0.94, 0.95, 0.96], sample([0.6 + 0.01 * i for i in range(8)])
+    _, rank, _ = exact_test(sample([*usual, -1e18]), other)
+    assert rank.sign == 1
+    assert rank.chance < 0.05
+
+
 def test_of_many_seeds_deals_are_drawn_and_the_answer_is_close_to_that_of_scipy():
     generator = np.random.default_rng(3)
     one, other = generator.normal(0.65, 1, 30), generator.normal(0, 1, 30)
@@ -88,6 +95,14 @@ def test_of_many_seeds_deals_are_drawn_and_the_answer_is_close_to_that_of_scipy(
     alone = stats.ttest_ind(one, other, equal_var=False).pvalue, stats.mannwhitneyu(one, other).pvalue
     assert alone[0] / 1.3 < mean.chance < 3 * alone[0]
     assert alone[1] / 1.3 < rank.chance < 3 * alone[1]
+
+
+@pytest.mark.parametrize(("n", "m", "all_of_them"), [(10, 10, True), (2, 150, True), (2, 400, False), (5, 26, False)])
+def test_the_deals_have_no_more_numbers_than_can_be_held(n, m, all_of_them):
+    deals = _deals.__wrapped__(n, m)
+    assert deals.size <= 4_000_000 + n + m
+    assert (len(deals) == math.comb(n + m, n) / (2 if n == m else 1)) is all_of_them
+    assert (deals.sum(axis=1) == n).all()
 
 
 def failing(share, good=0.1, bad=0.5):

@@ -78,6 +78,13 @@ def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some()
     assert values.tolist() == [[5.0, 10.0], [0.0, 5.0]]
 
 
+@pytest.mark.parametrize(("first", "common"), [(100, True), (101, False)])
+def test_curves_overlap_from_the_latest_first_to_the_earliest_last_checkpoint(first: int, common: bool) -> None:
+    curves = [((0, 0.0, 0.0), (100, 1.0, 10.0)), ((first, 0.0, 0.0), (150, 1.0, 10.0))]
+    assert intervals.overlap(curves) is intervals.overlap(curves[::-1]) is common
+    assert intervals.overlap(curves[:1])
+
+
 def test_the_mean_has_the_t_interval_of_the_seeds() -> None:
     curves = [((0, 0.0, first), (10, 0.0, last)) for first, last in ((1.0, 2.0), (3.0, 2.5), (5.0, 6.0))]
     found = intervals.mean_curve(curves, lambda point: point[2])

@@ -51,8 +51,8 @@ def robustness_in_time(
     """One row for each term: the margin of its psi at each step; None if the formula is not made of terms.
 
     A row has the median over starts and seeds, the range of the middle 90 %, some single traces, the steps at which the
-    term is read, and the method's band if it has one. `rewarded` draws the terms that methods see. If the `bands` are
-    on other terms than these, the legend says so.
+    term is read, and the method's band if it has one. An early end leaves a trace out from then on. `rewarded` draws
+    the terms that methods see. If the `bands` are on other terms than these, the legend says so.
     """
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:
@@ -82,7 +82,7 @@ def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, u
     _traces(axes, margins, term, colour)
     label = f"robustness of psi\n[{unit}]"
     low, best = task.specification.range(term.psi)
-    low, high = min(low, float(margins.min())), max(best, float(margins.max()))
+    low, high = min(low, float(np.nanmin(margins))), max(best, float(np.nanmax(margins)))
     threshold = layout.linear_threshold(best, max(-low, high)) if best > 0 else None
     if threshold is not None:
         label += f"\n{layout.set_symlog(axes, threshold, low, high)}"
@@ -94,15 +94,16 @@ def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, u
 
 
 def _traces(axes: Axes, margins: Array, term: Term, colour: str) -> None:
-    """Margins (N, T + 1)."""
-    t = np.arange(margins.shape[1])
-    low, middle, high = np.percentile(margins, (5, 50, 95), axis=0)
-    axes.fill_between(t, low, high, color=colour, alpha=0.25, linewidth=0, zorder=3)
-    read = margins[:, term.start : term.end + 1]
+    """Margins (N, T + 1), NaN after an early end, which counts as the worst."""
+    t, missing = np.arange(margins.shape[1]), np.isnan(margins)
+    known = ~missing.all(axis=0)
+    low, middle, high = np.nanpercentile(margins[:, known], (5, 50, 95), axis=0)
+    axes.fill_between(t[known], low, high, color=colour, alpha=0.25, linewidth=0, zorder=3)
+    read = np.where(missing, -np.inf, margins)[:, term.start : term.end + 1]
     order = np.argsort(read.min(axis=1) if term.kind == "G" else read.max(axis=1))
     for i in np.unique(np.linspace(0, len(order) - 1, _SINGLE_TRACES).round().astype(np.int64)):
         axes.plot(t, margins[order[i]], color=ONE_TRACE, linewidth=0.4, alpha=0.7, zorder=4)
-    axes.plot(t, middle, color=colour, linewidth=1.3, zorder=5)
+    axes.plot(t[known], middle, color=colour, linewidth=1.3, zorder=5)
 
 
 def _keys(bands: Sequence[Band], shown: bool, colour: str) -> list[Artist]:
@@ -263,19 +264,15 @@ class Story:
 
 
 def tell_story(task: Task, results: Sequence[Result], folder: Path) -> Story | None:
-    """Read the traces of finished cells; None if no result has values of single starts.
+    """Read the traces of finished cells that have values of single starts; None if no result has any.
 
     Raises `UsageError` if the file of the traces is missing, or of another version of the task.
     """
-    starts = [
-        (value, result.id.name, start)
-        for result in results
-        if result.measurement is not None
-        for start, value in enumerate(result.measurement.selected[MAIN].robustness)
-    ]
+    told = [(each, own) for each in results if each.measurement and (own := each.measurement.selected[MAIN].robustness)]
+    starts = [(value, each.id.name, start) for each, own in told for start, value in enumerate(own)]
     if not starts:
         return None
-    recording = gather([load(task, result, folder) for result in results])
+    recording = gather([load(task, each, folder) for each, _ in told])
     ranked = sorted(range(len(starts)), key=lambda row: starts[row][0])
     picks = tuple(dict.fromkeys((ranked[-1], ranked[len(ranked) // 2], ranked[0])))
     value, cell, start = starts[ranked[0]]

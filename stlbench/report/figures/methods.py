@@ -24,7 +24,7 @@ from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.sampled import Line, common, group_lines
-from stlbench.statistics.intervals import MeanCurve, mean_curve, median, median_interval
+from stlbench.statistics.intervals import MeanCurve, mean_curve, median, median_interval, overlap
 from stlbench.task.task import Task
 
 METHODS_PER_OVERVIEW = 6
@@ -100,6 +100,7 @@ def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> 
 
     The shade is the 95 % interval of that mean, of two seeds or more, cut at what is possible: 0 and 100 % of the
     starts, and the scale's largest robustness. The legend says how many seeds finished, also of groups without a line.
+    A group has none if it has no checkpoint, or if its seeds have no common steps.
     If lines end orders of magnitude below the others, the axis ends before them, and arrows have their last means.
     """
     panels = int(now().width / SINGLE)
@@ -110,7 +111,7 @@ def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> 
         [[(at.steps, at.satisfaction, at.robustness_mean) for at in each.curve] for each in group.done if each.curve]
         for group in groups
     ]
-    trained = [(own, style) for own, style in zip(curves, looks, strict=True) if own]
+    trained = [(own, style) for own, style in zip(curves, looks, strict=True) if own and overlap(own)]
     means = [(mean_curve(own, lambda point: point[2], (-math.inf, scale.most)), style) for own, style in trained]
     for own, style in trained:
         _draw(left, mean_curve(own, lambda point: 100 * point[1], (0, 100)), style)

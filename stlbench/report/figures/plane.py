@@ -16,6 +16,7 @@ from stlbench.contract import Array, Truth
 from stlbench.report.figures import layout
 from stlbench.report.figures.regions import parts, region, signal_label
 from stlbench.report.figures.style import TIME, term_style
+from stlbench.simulation.verdicts import last_steps
 from stlbench.stl import signals
 from stlbench.task.task import Task
 
@@ -52,7 +53,8 @@ def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> Vi
     ranges = View(columns, np.array([across.low, up.low]), np.array([across.high, up.high]), ())
     grid = _grid(ranges)
     places = traces[..., list(columns)].reshape(-1, 2)
-    visible, drawn = [places[~_outside(ranges, places)]], list[int]()
+    known = places[np.isfinite(places).all(axis=1)]  # samples after an early end are NaN
+    visible, drawn = [known[~_outside(ranges, known)]], list[int]()
     for i, part in enumerate(parts(task)):
         if (found := region(task, part.psi, grid, names)) is not None:
             margin, inside = found
@@ -125,7 +127,7 @@ def draw_traces(axes: Axes, task: Task, view: View, traces: Array) -> LineCollec
     lines.set_clim(0, task.file.steps)
     axes.add_collection(lines)
     axes.add_line(Line2D(*places[:, 0].T, zorder=5, **_START))
-    axes.add_line(Line2D(*places[:, -1].T, zorder=6, **_END))
+    axes.add_line(Line2D(*places[np.arange(len(traces)), last_steps(traces)].T, zorder=6, **_END))
     away = leaving(view, traces)
     if away.any():
         exits = np.array([trace[np.argmax(_outside(view, trace))] for trace in places[away]])

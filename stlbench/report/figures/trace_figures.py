@@ -23,7 +23,7 @@ from stlbench.report.figures.regions import Load, scale_of_task
 from stlbench.report.figures.style import Colours, pages
 from stlbench.report.figures.trajectories import PLANS_PER_FIGURE, TRACES_PER_PANEL, Plan, planned, trajectories
 from stlbench.report.tables.rows import Group, Maximised, Row, group, maximised, row, split
-from stlbench.report.tables.yardsticks import RECIPE, RESOLUTION, setting_text
+from stlbench.report.tables.yardsticks import RECIPE, RESOLUTION, setting_text, way
 from stlbench.simulation.faults import Ask
 from stlbench.simulation.referee import Recording, gather, load
 from stlbench.task.task import Task
@@ -64,7 +64,7 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     learners, planners = {member.setting for member in split(groups)[0]}, maximised(groups)
     paths, count = list[Path](), 0
     for choice, members in groupby(groups, key=lambda member: member.setting.task):
-        of_task, learned, plans = list(members), list[tuple[Group, Array | None]](), list[Plan]()
+        of_task, learned, plans = list(members), list[tuple[Group, Array | None]](), list[tuple[Setting, Plan]]()
         if "learning" in job.only:
             curves = [member for member in of_task if member.setting in learners]
             scale = scale_of_task(choice, job.load)
@@ -143,19 +143,23 @@ def _draw_overview(task: Task, learned: Sequence[tuple[Group, Array | None]], jo
                 yield from save(figure, job.out, file_name("overview", task.name) + end)
 
 
-def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[Plan]:
+def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[tuple[Setting, Plan]]:
     """One plan to draw; none of one at another resolution than the recipe's."""
     setting, score = member.setting, member.done[0].score
     if RESOLUTION in dict(setting.agent.parameters):
         return []
     text = setting_text(Choice(setting.task.name), setting.agent)
     name = _FORMULA if maximised == "formula" else f"{setting.method}, {text}"
-    return [Plan(name, score.mean, score.satisfaction, recording.evenly(TRACES_PER_PANEL))]
+    return [(setting, Plan(name, score.mean, score.satisfaction, recording.evenly(TRACES_PER_PANEL)))]
 
 
-def _draw_plans(task: Task, plans: Sequence[Plan], job: Job) -> Iterator[Path]:
-    """The formula's demands first, then those of rewards."""
+def _draw_plans(task: Task, plans: Sequence[tuple[Setting, Plan]], job: Job) -> Iterator[Path]:
+    """The formula's demands first, then those of rewards. Names have track and budget where those of plans differ."""
     if "planned" in job.only:
-        ordered = sorted(plans, key=lambda plan: (plan.name != _FORMULA, not plan.name.endswith(RECIPE)))
-        for end, page in pages(ordered, PLANS_PER_FIGURE):
+        ordered = sorted(plans, key=lambda item: (item[1].name != _FORMULA, not item[1].name.endswith(RECIPE)))
+        named = list[Plan]()
+        for setting, plan in ordered:
+            alike = [other for other, each in plans if each.name == plan.name]
+            named.append(plan._replace(name=", ".join((plan.name, *way(setting, alike)))))
+        for end, page in pages(named, PLANS_PER_FIGURE):
             yield from save(planned(task, page), job.out, file_name("planned", task.name) + end)

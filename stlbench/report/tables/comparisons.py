@@ -172,29 +172,37 @@ def answer_table(groups: Sequence[Group], known: Known, most: int = MOST_ROWS) -
 
 
 def _over_tasks(groups: Sequence[Group]) -> Table:
-    by_method = dict[Choice, list[Group]]()
-    for group in sorted(groups, key=lambda group: group.setting.method):
-        by_method.setdefault(group.setting.method, []).append(group)
+    by_method = dict[tuple[Choice, bool], list[Group]]()
+    for group in groups:
+        by_method.setdefault((group.setting.method, group.outside), []).append(group)
 
     def runs(own: list[Group]) -> str:
         learned, tried = sum(sum(group.learned) for group in own), sum(group.tried for group in own)
         return f"{learned} of {tried}, {100 * learned / tried:.0f} %" if tried else "none"
 
     columns: dict[Column, Callable[[list[Group]], Value]] = {
-        Column("method", right=False): lambda own: str(own[0].setting.method),
-        Column("tasks"): lambda own: len({group.setting.task for group in own if group.done}),
-        Column("learned in all seeds"): lambda own: sum(
-            bool(group.done) and all(group.learned) and group.tried == len(group.done) for group in own
+        Column("method", right=False): (
+            lambda own: f"{own[0].setting.method}{', from outside' if own[0].outside else ''}"
         ),
+        Column("tasks"): lambda own: len({group.setting.task for group in own if group.done}),
+        Column("learned in all seeds"): _learned_always,
         Column("runs that learned"): runs,
-        Column("CPU", unit="s", digits=1): lambda own: mean([each.cpu_seconds for group in own for each in group.done]),
+        Column("CPU", unit="s", digits=1): lambda own: mean(
+            [each.cpu_seconds for group in own for each in group.done if not group.outside]
+        ),
     }
-    return Table.of("Results", by_method.values(), columns)
+    return Table.of("Results", (own for _, own in sorted(by_method.items())), columns)
+
+
+def _learned_always(own: list[Group]) -> int:
+    """The number of tasks that every run learned, whatever its agent, budget and track."""
+    missed = {group.setting.task for group in own if sum(group.learned) < group.tried}
+    return len({group.setting.task for group in own if group.done} - missed)
 
 
 def verdicts(comparisons: Sequence[Comparison]) -> Iterator[str]:
     """A line for each two methods, first of those that differ: what was decided between them, on how many tasks."""
-    if comparisons and all(min(len(each.one.done), len(each.other.done)) < 2 for each in comparisons):
+    if comparisons and all(max(len(each.one.done), len(each.other.done)) < 2 for each in comparisons):
         yield "One seed of each method says nothing about the methods; `--seeds 5` does."
         return
     pairs = dict[tuple[Choice, Choice], list[Comparison]]()
@@ -221,13 +229,12 @@ def _of_one(one: Choice, other: Choice, difference: Difference) -> str:
 
 
 def _said(found: Sequence[Comparison]) -> str:
-    by_word = dict[Word, list[str]]()
+    by_word = dict[Word, dict[str, None]]()
     for each in found:
-        by_word.setdefault(each.difference.word, []).append(str(each.one.setting.task))
+        by_word.setdefault(each.difference.word, {})[str(each.one.setting.task)] = None
     parts = []
     for word, said in _SAID.items():
         if tasks := by_word.get(word):
-            names = dict.fromkeys(tasks)
-            named = f" ({', '.join(names)})" if word in _DECIDED and len(names) <= _NAMED else ""
+            named = f" ({', '.join(tasks)})" if word in _DECIDED and len(tasks) <= _NAMED else ""
             parts.append(f"{said} {len(tasks)}{named}")
     return ", ".join(parts)

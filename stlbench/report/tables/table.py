@@ -210,17 +210,17 @@ _Row = Sequence[_Lines]
 
 
 def to_markdown(table: Table) -> str:
-    """A section: heading, table with padded columns, notes."""
+    """A section: heading, table with padded columns, notes, which may have Markdown but no HTML."""
     columns, texts = table.columns, [[column.heading for column in table.columns], *_texts(table)]
     header, *body = [[_MARKDOWN.sub(r"\\\1", " ".join(text.split())) for text in line] for line in texts]
     widths = [max(3, *map(len, texts)) for texts in zip(header, *body, strict=True)]
     rule = ["-" * (width - 1) + (":" if column.right else "-") for width, column in zip(widths, columns, strict=True)]
-    lines = []
+    lines = [f"## {table.title}", ""]
     for line in (header, rule, *body):
         cells = zip(line, widths, columns, strict=True)
         padded = [text.rjust(width) if column.right else text.ljust(width) for text, width, column in cells]
         lines.append(f"| {' | '.join(padded)} |")
-    return "\n".join([f"## {table.title}", "", *lines, "", *(f"- {note}" for note in table.notes)]) + "\n"
+    return "\n".join([*lines, "", *(f"- {note.replace('<', '&lt;')}" for note in table.notes)]) + "\n"
 
 
 def _texts(table: Table) -> list[list[str]]:

@@ -5,13 +5,13 @@ worth, by the formula, of the best policy by a reward.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from stlbench.records.identity import Setting
+from stlbench.records.identity import Setting, Track
 from stlbench.records.result import LEARNED, NOT_RUN
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.rows import Group, columns_of, maximised, split, trained
@@ -59,13 +59,13 @@ def best_known(groups: Sequence[Group], references: Mapping[str, References]) ->
 
     The task file states it, or a plan for the formula reached it. Plans for a reward and the controller can reach
     more. How often an agent decides changes what is possible, and other parts of a recipe do not. So ablations share
-    the value, except those without `hold`.
+    the value, except those without `hold`. A plan on the track `plain`, which holds no action, is of these.
     """
     planners, best, reached = maximised(groups), dict[_Formula, float](), dict[_Formula, float]()
     for group in trained(groups):
         value, plans = group.mean("robustness_mean"), planners.get(group.setting.agent.name)
         if value is not None and plans is not None:
-            known, formula = best if plans == "formula" else reached, _formula(group.setting.task)
+            known, formula = best if plans == "formula" else reached, _planned(group.setting, references)
             known[formula] = max(value, known.get(formula, value))
     for name, reference in references.items():
         if reference.best_known is not None:
@@ -81,6 +81,12 @@ def best_known(groups: Sequence[Group], references: Mapping[str, References]) ->
 def _formula(task: Choice) -> _Formula:
     """The choices that decide the best known: the task, and whether it is without `hold`."""
     return task.name, "hold" in dict(task.parameters).get("without", "").split("+")
+
+
+def _planned(setting: Setting, references: Mapping[str, References]) -> _Formula:
+    """The formula of a plan. The track `plain` is without `hold`, unless the task holds no action anyway."""
+    (name, without), reference = _formula(setting.task), references.get(setting.task.name)
+    return name, without or (setting.track == "plain" and (reference is None or reference.hold != 1))
 
 
 _Columns = Mapping[Column, Callable[["References"], Value]]
@@ -195,22 +201,34 @@ def align(
     """A row for each task, method and setting that was planned for; rows of the formula come first.
 
     Plans that differ in the resolution alone share a row. It has the numbers of the plan without that parameter, else
-    of the finest, and says how far they disagree. Rows have plans of `shown` alone, compared with all groups.
+    of the finest, and says how far they disagree. Rows have plans of `shown` alone, compared with all groups. Where
+    rows differ in track or budget, their settings say so.
     """
     wanted = {group.setting for group in (groups if shown is None else shown)}
     learned, planned = split(groups)
     planners, known = maximised(planned), Known(references, best_known(groups, references))
-    together = dict[tuple[str, str, bool, str, str], list[Group]]()
+    together = dict[tuple[str, str, bool, str, str], dict[tuple[Track, str], list[Group]]]()
     for group in planned:
         task, agent = group.setting.task, group.setting.agent
         method = FORMULA if planners[agent.name] == "formula" else str(group.setting.method)
         text = setting_text(task, agent)
-        together.setdefault((task.name, method, text != RECIPE, text, agent.name), []).append(group)
-    return tuple(
-        _row(method, sorted(several, key=_fineness), learned, known)
-        for (_, method, *_), several in sorted(together.items())
-        if any(group.setting in wanted for group in several)
-    )
+        apart = together.setdefault((task.name, method, text != RECIPE, text, agent.name), {})
+        apart.setdefault((group.setting.track, group.setting.budget), []).append(group)
+    rows = list[Aligned]()
+    for (_, method, _, text, _), apart in sorted(together.items()):
+        alike = [several[0].setting for several in apart.values()]
+        for _, several in sorted(apart.items()):
+            if any(group.setting in wanted for group in several):
+                own = ", ".join((text, *way(several[0].setting, alike)))
+                rows.append(_row(method, own, sorted(several, key=_fineness), learned, known))
+    return tuple(rows)
+
+
+def way(setting: Setting, alike: Sequence[Setting]) -> Iterator[str]:
+    """The track and the budget of a plan, in which plans that have the same text otherwise differ: "track auto"."""
+    for name in ("track", "budget"):
+        if len({getattr(each, name) for each in alike}) > 1:
+            yield f"{name} {getattr(setting, name)}"
 
 
 def setting_text(task: Choice, agent: Choice) -> str:
@@ -235,7 +253,7 @@ def _resolution(group: Group) -> float:
         return math.nan
 
 
-def _row(method: str, several: Sequence[Group], learned: Sequence[Group], known: Known) -> Aligned:
+def _row(method: str, text: str, several: Sequence[Group], learned: Sequence[Group], known: Known) -> Aligned:
     """The row of plans that differ in the resolution; the first finished one counts."""
     plan = next((group for group in several if group.done), several[0])
     setting, possible = plan.setting, known.best.get(plan.setting.task)
@@ -249,7 +267,7 @@ def _row(method: str, several: Sequence[Group], learned: Sequence[Group], known:
     return Aligned(
         task=setting.task.name,
         method=method,
-        setting=setting_text(setting.task, setting.agent),
+        setting=text,
         best_known=possible,
         reward_optimal=None if method == FORMULA else plan.mean("robustness_mean"),
         satisfied=plan.mean("satisfaction"),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from stlbench.report.figures.across import across_tasks, place, ranks, ticks
+from stlbench.report.figures.across import across_tasks, place, profiles, ranks, ticks
 from stlbench.report.figures.files import drawings_across
 from stlbench.report.figures.methods import groups, satisfied
 from stlbench.report.figures.style import COLOURS
@@ -65,6 +66,14 @@ def test_a_profile_falls_from_all_runs_to_none():
     assert good[0] == 100
     assert (bad[-1], good[-1]) == (0, 0)
     assert bad[1] == 100  # of the tasks that it fits
+
+
+def test_the_band_of_a_profile_is_its_interval():
+    _, right = across_tasks([EVERY], COLOURED).axes
+    _, shares = profiles(EVERY)
+    for band, line in zip(right.collections, shares, strict=True):
+        ends = {round(100 * end, 6) for _, interval in line for end in interval}
+        assert set(np.round(band.get_paths()[0].vertices[:, 1], 6)) == ends
 
 
 def test_no_panel_of_profiles_has_a_colour_twice():

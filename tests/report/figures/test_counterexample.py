@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 from helpers.line_task import line
 from helpers.pair_task import pair
+from helpers.synthetic_results import result
 from matplotlib.figure import Figure
 
 from stlbench import stl
-from stlbench.report.figures.margins import counterexample
+from stlbench.records.result_files import cell_files
+from stlbench.report.figures.margins import counterexample, tell_story
 from stlbench.report.figures.style import MARK
 
 TRACE = np.array([0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0])[:, None]
@@ -50,6 +55,21 @@ def test_a_plane_and_a_formula_outside_the_fragment() -> None:
     plane = figure.axes[-1]
     assert (plane.get_xlabel(), plane.get_ylabel()) == ("a [-]", "b [-]")
     assert [tuple(entry.get_xydata()[0]) for entry in plane.lines if entry.get_color() == MARK] == [tuple(trace[4])]
+
+
+def test_a_result_without_values_of_single_starts_moves_no_start_of_another(tmp_path: Path) -> None:
+    task = line()
+    summed, told = (result(seed=seed, task="line", robustness=(-1.0, 1.0)) for seed in (0, 1))
+    assert summed.measurement is not None
+    summed = replace(summed, measurement=summed.measurement.summarised())
+    for each, ends in ((summed, (0, 0)), (told, (2, 0))):
+        path = cell_files(tmp_path, each.id, each.key).traces
+        path.parent.mkdir(exist_ok=True)
+        np.savez(path, traces=np.array([[[end]] * 9 for end in ends], dtype=float), signals=task.signals)
+    story = tell_story(task, [summed, told], tmp_path)
+    assert story is not None
+    assert (story.cell, story.start, story.worst[0, 0]) == ("line/funnel/dqn/1", 0, 2.0)
+    assert tell_story(task, [summed], tmp_path) is None
 
 
 def test_a_formula_that_reads_no_signal() -> None:

@@ -48,6 +48,26 @@ def test_the_middle_90_percent_are_shaded():
     assert (box.x0, box.x1) == (0, 8)
 
 
+EARLY = [np.nan] * 3
+
+
+def test_after_early_ends_the_median_is_of_the_traces_that_go_on():
+    rows = [[0] * 6 + EARLY, [2] * 3 + 2 * EARLY, [3] * 6 + EARLY]
+    (axes,) = figure("G[0,4] x <= 1", rows, terminated="violated").axes
+    assert drawn(axes, TRACE) == [[-1.0] * 3 + [-0.5] * 3]
+    assert [list(each.get_xdata()) for each in axes.lines if each.get_color() == TRACE] == [[*range(6)]]
+    box = axes.collections[0].get_paths()[0].get_extents()
+    assert (box.x0, box.x1) == (0, 5)
+
+
+def test_an_early_end_is_drawn_as_the_worst_trace_and_its_samples_give_the_range():
+    wide = {"x": {"low": 9, "high": 1000}}
+    rows = [[9.5] * 9, [9.6, 2000, 9.6] + 2 * EARLY]
+    (axes,) = figure("G[0,4] x <= 9.9", rows, signals=wide, terminated="violated").axes
+    assert [each[0] for each in drawn(axes, ONE_TRACE)] == pytest.approx([0.3, 0.4])
+    assert axes.get_ylim()[0] < -1990.1
+
+
 def test_single_traces_go_from_the_worst_to_the_best_in_the_terms_interval():
     late = [0, 0, 0, 0, 0, 0, 0, 0, 100]  # bad in the last sample alone, which G[0,4] does not read
     rows = [late, *([value] * 9 for value in range(19))]

@@ -135,6 +135,15 @@ class TestLearning:
         ]
         assert [line.get_marker() for line in figure.axes[0].lines if len(line.get_xdata()) == 1] == ["o"]
 
+    def test_seeds_without_common_steps_have_no_line_and_the_legend_names_them(self):
+        apart = [result("funnel", seed, curve=curve((1000 + 10 * seed, 1.0, 0.1))) for seed in (0, 1)]
+        groups = condense([*apart, result("raw")])
+        figure = learning_curves(groups, METRES, colours_of(groups))
+        assert [len(curves(axes)) for axes in figure.axes] == [1, 1]
+        assert legend(figure)[:2] == ["funnel: 2 of 2 seeds", "raw: 1 of 1 seeds"]
+        alone = learning_curves(groups[:1], METRES, colours_of(groups))
+        assert [len(curves(axes)) for axes in alone.axes] == [0, 0]
+
     def test_methods_near_zero_are_told_apart(self):
         rising = {
             "funnel": (-10.0, -0.1, 0.02, 0.03),

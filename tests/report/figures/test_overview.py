@@ -49,6 +49,13 @@ def test_it_fits(width: Width) -> None:
     (axes,) = figure.axes
     assert [text.get_text() for text in axes.texts] == ["1"] * 12 * len(METHODS)
     assert axes.images[0].get_array().tolist() == [[0.5] * len(METHODS)] * 12
+    assert "of 2; the colour" in figure.legends[0].get_texts()[0].get_text()
+
+
+def test_numbers_of_seeds_that_differ_are_a_range() -> None:
+    made = [result(method, seed, task=task) for method in ("flag", "raw") for task in "ab" for seed in range(2)]
+    (drawing,) = drawings_of_overview(condense([*made, result("raw", 2, task="b")]))
+    assert "of 2 to 3; the colour" in drawing.draw().legends[0].get_texts()[0].get_text()
 
 
 def test_many_tasks_have_several_figures_and_one_has_none() -> None:

@@ -75,6 +75,25 @@ def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run,
     assert [[str(group.setting.method) for group in groups] for groups in shown] == [["funnel"]]
 
 
+def test_plans_of_two_tracks_or_budgets_have_titles_of_their_own(run, monkeypatch):
+    shown, planned = [], trace_figures.planned
+
+    def watched(task, plans):
+        shown.append([each.name for each in plans])
+        return planned(task, plans)
+
+    monkeypatch.setattr(trace_figures, "planned", watched)
+    plans = [run.save(synthetic_results.plan("raw", track=track)) for track in ("shared", "auto")]
+    run.draw(*plans, kinds=("planned",))
+    run.draw(*plans[:1], run.save(synthetic_results.plan("raw", budget="smoke")), kinds=("planned",))
+    run.draw(plans[1], kinds=("planned",))
+    assert shown == [
+        ["raw, recipe, track auto", "raw, recipe, track shared"],
+        ["raw, recipe, budget quick", "raw, recipe, budget smoke"],
+        ["raw, recipe"],
+    ]
+
+
 def test_a_seed_without_traces_is_said_and_a_method_that_is_gone_has_no_bounds(run):
     gone = run.save(synthetic_results.result("gone[beta=2]"))
     names = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1), gone)

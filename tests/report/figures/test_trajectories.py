@@ -133,6 +133,17 @@ def test_a_trace_that_is_clipped_is_marked_where_it_leaves_and_counted():
     assert figure.axes[0].get_xlim()[1] == 10
 
 
+def test_after_an_early_end_a_trace_ends_in_the_plane_where_it_was_last_recorded():
+    x = np.array([[0, 1, 2, 3, 4, 5, 6, 7, 8], [0, -1, -2, *[np.nan] * 6]])
+    task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1", terminated="violated")
+    figure = trajectories(task, Recording(np.stack([x, x / 2], axis=-1), seeds=1), "line")
+    (mark,) = [entry for entry in figure.axes[0].lines if entry.get_marker() == "s"]
+    assert mark.get_xydata().tolist() == [[8, 4], [-2, -1]]
+    low, high = figure.axes[0].get_xlim()
+    assert low < -2
+    assert high > 8
+
+
 def test_signals_against_time_are_never_clipped():
     task = line()
     (axes,) = trajectories(task, Recording(np.array(LEAVES, dtype=float)[..., None] * 5, seeds=1), "line").axes

@@ -74,14 +74,21 @@ def test_tasks_count_if_they_are_no_ablation_by_their_own_agent_and_on_a_known_s
 
 def test_methods_not_tried_everywhere_are_left_out_and_budgets_and_tracks_apart():
     some = seeds("special", 1.0, task="one")
-    plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS if each.id.task.name != "four"]
+    plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS]
     found = fields(condense([*RESULTS, *some, *plain]), Known(STANDARDS))
     assert [(field.track, len(field.tasks)) for field in found] == [
+        ("plain", 4),
         ("plain", 3),
         ("shared", 4),
         ("shared", 3),
     ]
     assert {entry.method for field in found for entry in field.entries} == {"good", "bad"}
+
+
+def test_fields_are_in_the_order_of_budgets_and_tracks_whatever_task_comes_first():
+    plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS if each.id.task.name != "four"]
+    found = fields(condense([*RESULTS, *plain]), Known(STANDARDS))
+    assert [(field.track, len(field.tasks)) for field in found] == [("plain", 3), ("shared", 4), ("shared", 3)]
 
 
 def test_two_tasks_or_one_method_have_no_aggregate():

@@ -115,6 +115,19 @@ class TestBestKnown:
         assert (row.reward_optimal, row.reward_loses) == (None, None)
         assert row.best_known == pytest.approx(0.05)
 
+    def test_a_plan_on_the_track_plain_holds_no_action(self) -> None:
+        """So it counts for a task that holds none, and for another only where `hold` is left out."""
+        tasks = ("overlap", "overlap[without=hold]")
+        groups = condense([*(overlap(task=task) for task in tasks), best(0.2), best(0.7, track="plain")])
+
+        def found(references: dict[str, References]) -> list[float]:
+            known = best_known(groups, references)
+            return [known[task] for task in sorted(known)]
+
+        assert found({}) == found({"overlap": References(hold=10)}) == [0.2, 0.7]
+        alone = {"overlap": References(hold=1)}
+        assert best_known(condense([overlap(), best(0.2), best(0.7, track="plain")]), alone) == {Choice("overlap"): 0.7}
+
 
 class TestResolutions:
     def test_the_default_is_the_row_and_the_others_say_how_sure_it_is(self) -> None:
@@ -168,6 +181,26 @@ class TestFailures:
         assert [group.setting.agent for group in learners] == [Choice("dqn"), Choice("gone")]
         assert [group.setting.agent for group in planners] == [Choice("zz-plans")]
         assert align(groups, {})[0].method == "(formula)"
+
+
+def test_plans_on_other_tracks_or_budgets_are_rows_of_their_own() -> None:
+    tracks = [learned(0.38), overlap("raw", "planner", 0.39), overlap("raw", "planner", 0.1, track="auto")]
+    rows = align(condense([*tracks, learned(0.09, track="auto"), best(0.4)]), OWN)
+    assert [(row.method, row.setting, row.reward_optimal, row.selected, row.disagreement) for row in rows] == [
+        ("(formula)", "recipe", None, None, None),
+        ("raw", "recipe, track auto", 0.1, 0.09, None),
+        ("raw", "recipe, track shared", 0.39, 0.38, None),
+    ]
+    agents = ("planner", "planner[k=2]")
+    budgets = [overlap("raw", agent, 0.3, budget=budget) for budget in ("paper", "smoke") for agent in agents]
+    finer = overlap("raw", "planner[resolution=2]", 0.2, budget="smoke")
+    assert [(row.setting, row.disagreement) for row in align(condense([*budgets, finer]), OWN)] == [
+        ("recipe, budget paper", None),
+        ("recipe, budget smoke", pytest.approx(0.1)),
+        ("k=2, budget paper", None),
+        ("k=2, budget smoke", None),
+    ]
+    assert [row.setting for row in align(condense([overlap(track="auto", budget="smoke")]), OWN)] == ["recipe"]
 
 
 def test_a_part_is_compared_with_all_that_is_recorded() -> None:

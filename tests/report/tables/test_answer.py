@@ -62,6 +62,25 @@ def test_too_many_rows_become_one_for_each_method() -> None:
     assert len(answer_table(condense(one_task), KNOWN).rows) == MOST_ROWS + 1
 
 
+def test_a_task_counts_as_learned_if_all_its_runs_learned_it_and_outside_is_apart() -> None:
+    tasks = [f"task-{number}" for number in range(7)]
+    many = [
+        one
+        for task in tasks
+        for method in ("raw", "flag")
+        for agent in ("dqn", "ppo")
+        for last in [-0.2 if (task, method, agent) == ("task-0", "flag", "ppo") else 0.2]
+        for one in seeds(method, (0.1, last), task=task, agent=agent)
+    ]
+    many += [one for task in tasks for one in seeds("raw", (-1.0,), task=task, track="outside")]
+    flag, raw, outside = to_records(answer_table(condense(many), KNOWN))
+    assert (raw["method"], raw["tasks"], raw["learned in all seeds"], raw["CPU [s]"]) == ("raw", 7, 7, 14.0)
+    assert (flag["tasks"], flag["learned in all seeds"], flag["runs that learned"]) == (7, 6, "27 of 28, 96 %")
+    assert raw["runs that learned"] == "28 of 28, 100 %"
+    assert (outside["method"], outside["tasks"], outside["learned in all seeds"]) == ("raw, from outside", 7, 0)
+    assert (outside["runs that learned"], outside["CPU [s]"]) == ("0 of 7, 0 %", None)
+
+
 def test_one_line_for_each_two_methods_of_one_task() -> None:
     assert [*verdicts(compare(condense(RESULTS), KNOWN))] == [
         "flag is worse than funnel",
@@ -85,6 +104,17 @@ def test_over_several_tasks_a_line_counts_and_names_those_that_are_decided() -> 
     assert line == "flag against funnel: better on 1 (annulus), cannot tell on 1"
 
 
+def test_two_agents_on_a_task_count_as_one_task() -> None:
+    several = [
+        one
+        for task in ("hold-disc", "annulus")
+        for agent in ("dqn", "ppo")
+        for method, start in (("flag", 0.5), ("funnel", 0.1))
+        for one in seeds(method, tuple(start + 0.01 * seed for seed in range(6)), task=task, agent=agent)
+    ]
+    assert [*verdicts(compare(condense(several), KNOWN))] == ["flag against funnel: better on 2 (annulus, hold-disc)"]
+
+
 @pytest.mark.parametrize("count", [5, 6])
 def test_ten_lines_at_most_first_the_pairs_that_differ(count: int) -> None:
     generator = np.random.default_rng(0)
@@ -103,3 +133,6 @@ def test_one_seed_says_nothing_about_methods() -> None:
         "One seed of each method says nothing about the methods; `--seeds 5` does."
     ]
     assert [*verdicts(compare(condense(seeds("funnel", (0.3,))), KNOWN))] == []
+    assert [*verdicts(compare(condense([*seeds("funnel", (0.3, 0.4)), *seeds("flag", (0.1,))]), KNOWN))] == [
+        "cannot tell flag from funnel"
+    ]

@@ -54,6 +54,11 @@ def test_parts_of_a_wide_table_keep_the_order_of_columns():
     assert [line.split() for line in lines if "method" in line] == [["first", "method", "second"], ["method", "third"]]
 
 
+def test_a_note_in_markdown_has_no_html():
+    (note,) = to_markdown(replace(TABLE, notes=("of a stranger: \\<img src=x> `y`",))).splitlines()[-1:]
+    assert note == "- of a stranger: \\&lt;img src=x> `y`"
+
+
 def test_markdown():
     assert to_markdown(TABLE) == (
         "## Scores\n\n"
