@@ -31,7 +31,7 @@ from stlbench.contract import (
     Unsuitable,
 )
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.training import Count, Positive, refuse_other
+from stlbench_agents.training import Positive, refuse_other
 
 _LEAST_STARTS = 2
 _AGREE, _DISAGREE = 0.9, 0.5
@@ -55,7 +55,7 @@ class CMAES(Agent):
 
     candidates: Annotated[int, Field(ge=4)] = 32
     """policies of a generation"""
-    most_starts: Count = 8
+    most_starts: Annotated[int, Field(ge=_LEAST_STARTS)] = 8
     """initial states from which each is tried, at most; those of a generation are the same for all. There are as many
     copies of the environment as candidates times starts"""
     knots: Annotated[int, Field(ge=2)] = 20
@@ -253,20 +253,17 @@ class Trial:
         """Play until each copy has ended one whole episode, for about at most `budget` steps. The steps taken."""
         environment, taken = self._environment, 0
         each = environment.count * environment.hold
-        begun = self._seen[:, family.inputs] == -1  # at time 0: only whole episodes count, exploring ones begin later
-        played = np.zeros(environment.count, dtype=np.int64)
+        played = 0  # all begin together, and only the first episode of a copy counts
         while not self.is_over and (taken + each <= budget or not taken):
             step = environment.step(family.act(numbers, self._seen))
             taken += each
-            counts = begun & ~self._over
+            counts = ~self._over
             played += 1
             # An early end pays for ever after. There is no discount, so "for ever" is for the decisions that are left.
             left = np.where(step.event == Event.END, environment.decisions - played, 0)
-            self._sums[counts] += (step.reward * (1 + np.maximum(left, 0)))[counts]
-            ended = step.ended
-            self._over |= counts & ended
+            self._sums[counts] += (step.reward * (1 + left))[counts]
+            self._over |= step.ended
             self._seen = step.observation
-            played[ended], begun[ended] = 0, self._seen[ended, family.inputs] == -1
         return taken
 
     @property

@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from itertools import chain
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
 
 import numpy as np
+from pydantic import Field
 
 from stlbench.contract import ActionGrid, Actions, Arrays, Cost, Environment, Policy, Training
 from stlbench_agents import training as shared
@@ -230,7 +231,7 @@ class SB3PPO(SB3Agent):
 
     n_steps: shared.Count = 256
     """steps of all copies in a rollout"""
-    batch_size: shared.Count = 256
+    batch_size: Annotated[int, Field(ge=2)] = 256
     n_epochs: shared.Count = 10
     """passes over a rollout"""
     gae_lambda: shared.Share = 0.95
@@ -254,6 +255,7 @@ class SB3PPO(SB3Agent):
         if lock_steps < rollout:
             whole = self.batch_size // math.gcd(self.batch_size, self.copies)
             rollout = lock_steps // whole * whole or lock_steps
+        rollout = max(rollout, -(-2 // self.copies))  # SB3 wants two samples
         return replace(self, n_steps=rollout, batch_size=min(self.batch_size, rollout * self.copies))
 
     def exported(self, model: PPO, environment: Environment) -> Policy:

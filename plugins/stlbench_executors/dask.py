@@ -34,7 +34,7 @@ class Run(NamedTuple):
     """The common part of all items of a run."""
 
     name: str  # unique
-    memory: int | None  # bytes for an item; None for a share of nine tenths of what the worker may take
+    memory: int | None  # bytes for an item; None for the worker's share of the machine (`share`)
     prepare: bytes  # pickled (`Work.prepare`)
     versions: Mapping[str, str]  # those on the machine that sends the items
 
@@ -263,7 +263,8 @@ class DaskExecutor(Executor):
 
     Args:
         jobs: items at a time; None for as many as the workers have threads.
-        memory: bytes for one item; None for its share of nine tenths of what its worker may take.
+        memory: bytes for one item; None for its share, by the worker's threads, of nine tenths of the
+            machine's.
         address: the scheduler's, as in tcp://node1:8786. If it is None, a scheduler and a worker are made for the run
             in this process.
     """

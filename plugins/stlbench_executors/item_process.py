@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
+import math
 import os
 import pickle
 import re
@@ -38,7 +39,10 @@ def _read(value: Any) -> Any:
     match = _AMOUNT.fullmatch(value.strip())
     if match is None:
         raise ValueError("should be an amount of memory, as in 4G, 512M or 1.5GiB")
-    return int(float(match[1]) * 1024 ** (1 + "KMGT".index(match[2].upper())))
+    amount = float(match[1]) * 1024 ** (1 + "KMGT".index(match[2].upper()))
+    if not math.isfinite(amount):
+        raise ValueError("should be an amount of memory that a machine can have, as in 4G")
+    return int(amount)
 
 
 Memory = Annotated[int, BeforeValidator(_read), Field(ge=2**20)]  # bytes, written as 4G, 512M or 1.5GiB

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -32,7 +33,8 @@ class TauMdp(RewardMethod):
             all of them. A variant for tasks that hold actions: with `hold` as its value, one sample for each decision.
 
     Raises:
-        Unsuitable: no sample satisfies phi with positive robustness, so rho_max is no unit.
+        Unsuitable: no sample satisfies phi with positive robustness, so rho_max is no unit; or rho_max is so small
+            beside rho_min, or `beta` so large, that the reward overflows.
     """
 
     def __init__(
@@ -61,8 +63,12 @@ class TauMdp(RewardMethod):
         self._value = compiled(self.phi, specification.signals)
         self._beta = self._sign * (beta if form == "probability" else beta / high)
         extremes = (0.0, 1.0) if form == "probability" else (low, high)
-        self.scale = float(max(np.exp(self._beta * value) for value in extremes))
-        least = self._sign * float(np.exp(self._beta * extremes[0]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            ends = [float(np.exp(self._beta * value)) for value in extremes]
+        if not all(map(math.isfinite, ends)):
+            raise Unsuitable(f"tau-mdp: from robustness {low:.4g} to {high:.4g} of {self.phi}, its exp overflows")
+        self.scale = max(ends)
+        least = self._sign * ends[0]
         self._floor = min(0.0, least) if first else least  # the first samples pay 0
         self._shown = np.arange(self.tau)[::-every][::-1]  # backwards, so that the newest sample is always among them
         self._middle = (np.array(specification.high) + specification.low) / 2

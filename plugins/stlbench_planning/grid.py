@@ -26,7 +26,7 @@ _MOST = 10_000_000
 class AxisRecipe(BaseModel):
     """One axis of a planner's grid, as a recipe gives it."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     low: float
     high: float

@@ -82,25 +82,28 @@ def mean_rewards(tables: Floats, at: Indices, weights: Floats, strides: Strides,
 @compiled
 def pay_best(
     later: Floats, at: Indices, weights: Floats, strides: Strides, rewards: Floats, memory: Indices, ended: Floats,
-    gamma: float, lost: float, into: Floats,
+    over: Floats, gamma: float, lost: float, into: Floats,
 ) -> None:  # fmt: skip
     """One step back: the greatest reward (A, M, S) plus gamma times the value later (M, S), into (M, S).
 
     Places of the next states are (A, S), their weights (A, S, axes). `memory` (A, M, S) numbers the next memories, or
     is empty if there is one. `ended` (A, S) has the whole return of decisions that end an episode and NaN for others,
-    or is empty if none does. A state outside the grid is worth `lost`, unless the episode ended.
+    or is empty if none does. `over` (M,) has the value after a memory that ends an episode, and NaN for others. A state
+    outside the grid is worth `lost`, unless the episode ended.
     """
     into[:] = -np.inf
     for a in range(at.shape[0]):
         for s in range(at.shape[1]):
-            over = ended.size > 0 and not np.isnan(ended[a, s])
+            is_end = ended.size > 0 and not np.isnan(ended[a, s])
             for m in range(into.shape[0]):
-                if over:
+                then = memory[a, m, s] if memory.size else 0
+                if is_end:
                     value = ended[a, s]
+                elif not np.isnan(over[then]):
+                    value = rewards[a, m, s] + gamma * over[then]
                 elif at[a, s] < 0:
                     value = lost
                 else:
-                    then = memory[a, m, s] if memory.size else 0
                     value = rewards[a, m, s] + gamma * _between(later[then], at[a, s], strides, weights[a, s])
                 into[m, s] = max(into[m, s], value)
 
@@ -135,6 +138,6 @@ def compile_all() -> None:
     many, table = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1), np.float32)
     interpolate(values[0], at[0], weights[0], strides, 0.0, values[0].copy())
     mean_rewards(values, at[None], weights[None], strides, many)
-    pay_best(values, at, weights, strides, many, at[None], table, 1.0, 0.0, values.copy())
+    pay_best(values, at, weights, strides, many, at[None], table, values[0], 1.0, 0.0, values.copy())
     reach_best(values[0], at, weights, strides, table, 0.0, values[0].copy())
     extremes(many, active, True, table)

@@ -206,6 +206,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
     refuse_beyond(4e-9 * grid.size * numbers, f"a grid of {grid} points with {stages.count} stages of the formula")
     tables = _Margins(model, grid, actions, stages)
     next_ = sweep(model, grid, actions, (tables.observe,))
+    next_.at[tables.undefined()] = -1
     decisions, most = model.decisions, tables.bound()
     later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
     later[decisions, stages.over] = most
@@ -251,6 +252,12 @@ class _Margins:
     def observe(self, action: int, samples: Array) -> None:
         for i, margin in enumerate(self._values):
             self._margins[i, action] = margin(samples[1:]).T
+
+    def undefined(self) -> Truth:
+        """(A, S): whether a margin has no value at some sample, which the referee refuses. It becomes the least."""
+        found: Truth = np.isnan(self._margins)
+        self._margins[found] = -np.inf
+        return np.asarray(found.any(axis=(0, 3)))
 
     def bound(self) -> float:
         """More than any margin, once all are noted; infinite ones, as of `true`, are clipped to it."""

@@ -70,6 +70,7 @@ class Planner(_GridPlanner):
     episodes: cuts, ends, held actions. It is given what no learner has: dynamics and reward as functions.
     """
 
+    revision = 2
     plans = "reward"
     recipe = MappingProxyType({"gamma": 0.9})
 
@@ -95,6 +96,7 @@ class BestPossible(_GridPlanner):
     Maximin by backward induction on a grid, with a stage for each F term and a countdown for each F G term.
     """
 
+    revision = 2
     plans = "formula"
 
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:

@@ -275,21 +275,23 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Lim
     shift, moved = np.zeros(decisions), 0.0
     value = np.zeros(later.shape[1:], np.float32)
     over = _over(model, rewards.memories)
+    ended = ~np.isnan(over)
     for d in reversed(range(decisions)):
         paid, memory = rewards.at(d)
-        step = _Step(grid, next_, paid, memory, ends.at(d), gamma)
+        step = _Step(grid, next_, paid, memory, ends.at(d), over, gamma)
         if (d + 1) * model.hold in model.cuts and d + 1 < decisions:
             value, moved = _settled(step, value) if gamma < 1 else np.zeros_like(value), 0.0
         later[d], shift[d] = value, moved
         step.back(later[d], shift[d], value)
-        value[over] = -gamma * shift[d]
+        value[ended] = -gamma * shift[d]
         moved = _recentre(value, gamma * shift[d])
     return SumPolicy(model, grid, actions, rewards.memories, later, shift, gamma)
 
 
-def _over(model: Model, memories: Memories) -> Integers:
-    """The numbers of the memories after which nothing is paid: their value is 0 wherever the state goes."""
-    return np.flatnonzero(model.method.over(memories.values)) if model.method.can_end else np.empty(0, np.int64)
+def _over(model: Model, memories: Memories) -> Floats:
+    """(M,): 0 for a memory after which nothing is paid, wherever the state goes; NaN for any other."""
+    over = model.method.over(memories.values) if model.method.can_end else np.zeros(len(memories), np.bool_)
+    return np.where(over, 0.0, np.nan).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -299,12 +301,14 @@ class _Step:
     paid: Floats
     memory: Floats
     ended: Floats
+    over: Floats
     gamma: float
 
     def back(self, later: Floats, shift: float, into: Floats) -> None:
         """Values before the decision, less gamma times `shift`, from those later (M, S), less `shift`."""
         ended = self.ended - np.float32(self.gamma * shift) if self.ended.size else self.ended
-        pay_best(later, *self.next, self.grid.strides, self.paid, self.memory, ended, self.gamma, LOST, into)
+        over = self.over - np.float32(shift)
+        pay_best(later, *self.next, self.grid.strides, self.paid, self.memory, ended, over, self.gamma, LOST, into)
 
 
 def _settled(step: _Step, value: Floats) -> Floats:

@@ -28,8 +28,10 @@ def times_around(programme: Programme, traces: Array, names: Sequence[str]) -> t
         names: of the k signals.
 
     Returns:
-        None where the traces are not all of this plan.
+        None where the traces are not all of this plan, or where it asks for nothing.
     """
+    if not programme.items:
+        return None
     model = _Model(programme, traces.shape[1])
     for trace in traces:
         met = dict[int, At]()

@@ -16,6 +16,7 @@ from stlbench.study.cell import derive_seed
 
 STARTS = 1000  # default number of starts without a rule to stop
 MOST = 100_000  # starts after which a sequential test stops undecided
+_LARGEST = 10**9  # starts: more take years
 _FIRST = 64  # starts of the first batch of a sequential test; each further batch doubles the total
 
 Verdict = Literal["shown", "refuted", "undecided"]
@@ -115,6 +116,8 @@ def check(claim: Claim) -> None:
         raise UsageError("a test stops by a probability that is claimed, or by the interval's width, not by both")
     if claim.most < 1:
         raise UsageError(f"a certificate needs at least one start, got {claim.starts}")
+    if claim.most > _LARGEST:
+        raise UsageError(f"a certificate takes at most {_LARGEST:,} starts, got {claim.starts}")
 
 
 def certify(

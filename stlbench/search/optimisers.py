@@ -22,7 +22,8 @@ from stlbench.contract import Array
 from stlbench.search.actor import VERDICTS, Actor, Box, Seeds, Verdict
 
 FAR = 1e6  # the value of a point outside the region of starts, plus its distance: worse than all points inside
-_OUTSIDE = 20  # the most points for each evaluation. Points outside the region are not simulated
+_OUTSIDE, _FEW = 20, 100
+"""The most points for each evaluation, of so many evaluations at least. Points outside the region are not simulated."""
 
 
 class Enough(Exception):
@@ -77,7 +78,7 @@ class Objective:
         self._points += len(points)
         if inside.any():
             values[inside] = np.minimum(self.of_points(points[inside]), FAR)  # robustness may be infinite
-        if self._points >= _OUTSIDE * self.evaluations:
+        if self._points >= _OUTSIDE * max(self.evaluations, _FEW):
             raise Enough
         return values
 

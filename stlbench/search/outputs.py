@@ -9,7 +9,6 @@ import numpy as np
 
 from stlbench.records import array_files, result_files
 from stlbench.report.figures.files import file_name, save
-from stlbench.report.figures.margins import counterexample
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
@@ -62,6 +61,8 @@ def write(result: Falsification, folder: Path) -> list[Path]:
     The .npz has `traces` (1, T + 1, k), `signals` (k,), the names of the initial state's `coordinates` (n,) and its
     values `start` (n,). The .csv has a column for the time in seconds, and one for each signal.
     """
+    from stlbench.report.figures.margins import counterexample  # imports Matplotlib, which no search needs
+
     kind = "counterexample" if result.found else "open" if result.open else "least"
     name = file_name(kind, *result.actor.label)
     task, trace = result.actor.task, result.worst.trace

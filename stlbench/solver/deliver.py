@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shlex
+import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ from stlbench.records import array_files, results_folder
 from stlbench.records.array_files import read_policy
 from stlbench.records.result import LEARNED, MAIN, Result
 from stlbench.records.result_files import inside, write
+from stlbench.registry import named_tasks
 from stlbench.report import Report, condense
 from stlbench.report.files import write as write_report
 from stlbench.report.page import Opening, require, write_page
@@ -29,9 +32,8 @@ from stlbench.share.onnx import export
 from stlbench.solver.contestants import rank
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
-from stlbench.solver.solution import FILE, FINAL, MORE, cells_of
+from stlbench.solver.solution import FILE, FINAL, MORE, TEXT, cells_of
 from stlbench.solver.workspace import TASK, WITNESS, Workspace
-from stlbench.study.film import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
 from stlbench.task.reading import code_of
@@ -41,6 +43,9 @@ from stlbench.tracks.references import references
 _SHARE = 0.05
 """The share of the time for the episodes of the certificate. The search for a counterexample has as many."""
 _MOST, _FEWEST, _TIMED = 1000, 100, 16  # starts of the certificate, and those by which an episode is timed
+_COUNTEREXAMPLE = "counterexample"
+_OF_POLICY = (FILE, TEXT, "policy.npz", "policy.onnx", "page.html", "film.gif")
+"""Files on one policy. Those of an earlier policy are removed."""
 
 
 @dataclass(frozen=True)
@@ -85,23 +90,44 @@ class Delivery:
         counterexample = None
         if repeatable and not self.interrupted:
             if self.clock.left:
-                counterexample = self._attacked(actor, starts)
+                counterexample = falsify(actor, How(evaluations=starts))
             else:
-                later = f"stlbench falsify {self.best.id.name} --results {self.cells}"
-                remarks.append(f"no time was left for a counterexample; `{later}` searches one")
+                remarks.append(self._left_out("a counterexample"))
+        self._remove_earlier()  # after the search: an interrupt of it loses no earlier solution
+        if counterexample is not None and counterexample.found:
+            write_counterexample(counterexample, self.folder / _COUNTEREXAMPLE)
         page = partial(self._page, actor.task, facts, counterexample)
         for what, part in (("policy", self._policy), ("film", self._film), ("page", page)):
             if what != "policy" and (self.interrupted or not self.clock.left):
-                later = f"report {self.cells} --html" if what == "page" else f"render {self.cells} {self.best.id.name}"
-                remarks.append(f"no time was left for the {what}; `stlbench {later}` makes it")
+                remarks.append(self._left_out(f"the {what}"))
                 continue
             try:
                 part()
             except UsageError as error:
                 remarks.append(f"left out: {one_line(error)}")
-        write(self.folder / FILE, json.dumps(facts, indent=1))
-        write(self.folder / "solution.md", "\n".join(self._text(actor.task, facts, counterexample, remarks)) + "\n")
+        write(self.folder / TEXT, "\n".join(self._text(actor.task, facts, counterexample, remarks)) + "\n")
+        write(self.folder / FILE, json.dumps(facts, indent=1))  # the last, as it says that all is delivered
         return facts
+
+    def _remove_earlier(self) -> None:
+        """Remove what an earlier delivery wrote: it may be on another policy."""
+        for name in _OF_POLICY:
+            inside(self.folder / name, self.folder).unlink(missing_ok=True)
+        if (found := inside(self.folder / _COUNTEREXAMPLE, self.folder)).is_dir():
+            shutil.rmtree(found)
+
+    def _left_out(self, what: str) -> str:
+        """Why a part is not made, and the command that makes it."""
+        parts = (self.best.id.name, self.cells, self.folder / TASK.name)
+        cell, cells, home = (shlex.quote(str(part)) for part in parts)
+        known = f"--budget {self.best.id.budget} --task-folder {home}"
+        later = {
+            "a counterexample": f"falsify {cell} --results {cells} {known}` searches one",
+            "the film": f"render {cells} {cell} {known}` makes it",
+            "the page": f"report {cells} --html --task-folder {home}` makes it",
+        }
+        why = "interrupted before" if self.interrupted else "no time was left for"
+        return f"{why} {what}; `stlbench {later[what]}"
 
     def _starts(self, actor: Actor) -> int:
         """The starts of the certificate: as many as a share of the time lets the policy act from."""
@@ -118,13 +144,6 @@ class Delivery:
             return dict(certify(actor, Claim(self.confidence, starts=starts)).facts)
         satisfied = int(actor.play(space.draw(np.random.default_rng(0), 1)).satisfied[0])
         return {"starts": 1, "satisfied": satisfied, "probability": float(satisfied), "low": None, "confidence": None}
-
-    def _attacked(self, actor: Actor, starts: int) -> Falsification:
-        """The worst start of a search, written where it is a counterexample."""
-        found = falsify(actor, How(evaluations=starts))
-        if found.found:
-            write_counterexample(found, self.folder / "counterexample")
-        return found
 
     def _policy(self) -> None:
         array_files.write_arrays(self.folder / "policy.npz", read_policy(self.cells, self.best, "selected"))
@@ -158,11 +177,13 @@ class Delivery:
         lines = [sentence(facts)]
         if attacked is not None:
             lines.append(f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}.")
-        found = sorted((self.folder / "counterexample").glob("*.png"))
+        found = sorted((self.folder / _COUNTEREXAMPLE).glob("*.png"))
         pictures = [path for path in (self.folder / "film.gif", *found) if path.is_file()]
         return Opening([*lines, *self._notes(facts)], [*asked.items()], pictures, file.title)
 
     def _film(self) -> None:
+        from stlbench.study.film import film_cell  # imports Matplotlib, for which no training should wait
+
         filmed = film_cell(self.cells, self.best, "selected", EVERY, "gif", self.folder)
         for path in filmed.paths:
             target = inside(self.folder / f"film{path.suffix}", self.folder)
@@ -197,8 +218,8 @@ class Delivery:
             yield from ("", "## What is missing", "", *self._missing())
         yield from ("", "## Run the policy", "", "```python", *_lines(task, self.problem, self.folder), "```", "")
         yield "## Files"
-        for path in sorted(self.folder.iterdir()):
-            yield f"- `{path.name}`"
+        for name in sorted({path.name for path in self.folder.iterdir()} | {FILE}):
+            yield f"- `{name}`"
 
     def _comparison(self) -> Iterator[str]:
         """The results of the final training, so that one lucky seed does not hide another."""
@@ -208,9 +229,10 @@ class Delivery:
         if each:
             yield f"Retrained with fresh seeds. Share of the selection starts that satisfy: {each}."
         if self.best.id.budget.startswith(MORE):
-            yield "It was trained on: from further starts it satisfied more often than the policies before it."
+            yield "It was trained on, after the policies before it."
         elif self.best.id.budget != FINAL:
-            why = "no fresh seed is better on the selection starts" if each else "no time was left to train again"
+            ended = "it was interrupted before" if self.interrupted else "no time was left to train again"
+            why = "no fresh seed is better on the selection starts" if each else ended
             yield f"The policy is from the race: {why}."
 
     def _missing(self) -> Iterator[str]:
@@ -241,7 +263,7 @@ class Delivery:
             texts.append(
                 "The environment ends episodes early, which violates; `terminated: hold` keeps the last sample."
             )
-        if measured.selected_steps > 0.6 * measured.env_steps:
+        if measured.selected_steps > 0.6 * measured.env_steps and rank(self.best)[0] < 1:
             texts.append(
                 f"The policy was still improving: take more time, such as `--minutes {3 * self.clock.minutes:g}`."
             )
@@ -261,13 +283,18 @@ def sentence(facts: Mapping[str, Any]) -> str:
         return "The task has a single start, from which the policy satisfies."
     counted = f"{facts['satisfied']} of {facts['starts']} fresh starts"
     share = f"{100 * np.floor(1e3 * facts['low']) / 1e3:.1f} %"  # rounded down, as a claim must not exceed its proof
-    return f"It satisfies from at least {share} of the starts, {100 * facts['confidence']:g} % confidence ({counted})."
+    confidence = f"{100 * facts['confidence']:.15g} % confidence"  # all digits: 99.99999 % is not 100 %
+    return f"It satisfies from at least {share} of the starts, {confidence} ({counted})."
 
 
 def _environment(task: Task, problem: Problem) -> str:
     """The id in Gymnasium, or the name of the task: never a path."""
     entry = task.file.environment
-    return entry.id if entry and entry.id else Path(problem.environment).name
+    if entry and entry.id:
+        return entry.id
+    name, home = problem.environment, Path(problem.environment)
+    own = named_tasks.is_path(name) and home.is_dir()  # its name may be that of the solution's folder `task`
+    return home.absolute().name if own else f"{named_tasks.task_of(name)}"
 
 
 def _attack(attacked: Falsification) -> str:

@@ -193,19 +193,19 @@ def content_of(problem: Problem, seconds: float | None = None) -> dict[str, Any]
     return _of_task(problem) if _is_task(problem.environment) else _of_environment(problem, seconds)
 
 
-def code_beside(problem: Problem) -> Mapping[str, str]:
-    """The code beside the task file, file -> text: that of the task's own folder, or a class that inherits from the
+def code_beside(problem: Problem) -> Mapping[str, bytes]:
+    """The code beside the task file, file -> content: that of the task's own folder, or a class that inherits from the
     installed one. Raises `UsageError` where there is no such task."""
     if not _is_task(problem.environment):
         return {}
     task = load_task(problem.environment)
     kind = type(task.dynamics)
     if (place := named_tasks.place_of(task.choice.name)) is not None:
-        return {path.name: path.read_text(encoding="utf-8") for path in place.glob("*.py")}
+        return {path.name: path.read_bytes() for path in place.glob("*.py") if path.is_file()}
     if kind.__module__.endswith("."):  # a task that is a file alone has no class
         return {}
     lines = f'"""The dynamics of the task {task.name}."""\n\nfrom {kind.__module__} import {kind.__name__} as Base\n'
-    return {"system.py": f'{lines}\n\nclass Solved(Base):\n    """The same."""\n'}
+    return {"system.py": f'{lines}\n\nclass Solved(Base):\n    """The same."""\n'.encode()}
 
 
 def given_to_code(source: Problem | TaskFile) -> Mapping[str, Any]:
@@ -237,7 +237,7 @@ def _of_task(problem: Problem) -> dict[str, Any]:
     if problem.signals:
         raise UsageError(f"{problem.environment} is a task with its own signals; --signal is for an environment")
     task = load_task(problem.environment)
-    content = task.file.model_dump(mode="json", exclude_defaults=True, exclude=_BY_HAND)
+    content = task.file.model_dump(exclude_defaults=True, exclude=_BY_HAND)
     content["time"] = "steps"
     if problem.formula is not None:
         seconds = (problem.time or task.file.time) == "seconds"
@@ -256,7 +256,9 @@ def _of_task(problem: Problem) -> dict[str, Any]:
 def _of_environment(problem: Problem, seconds: float | None) -> dict[str, Any]:
     """The content of a task file on an environment of Gymnasium."""
     if problem.formula is None:
-        raise UsageError(f"{problem.environment} is an environment, which has no formula of its own; give one")
+        name, tasks = problem.environment, plugins.available("tasks")
+        similar = "" if _VERSION.search(name) else did_you_mean(name, tasks)
+        raise UsageError(f"{name} is no task, and an environment has no formula of its own; give one{similar}")
     content = sketch(problem.environment, problem.keywords, seconds)
     entries = {name: (ends["low"], ends["high"]) for name, ends in content["signals"].items()}
     texts = {name: _expression(name, text, content["environment"]["names"]) for name, text in problem.signals.items()}
@@ -292,9 +294,13 @@ def _expression(name: str, text: str, names: Any) -> str:
 
     def entry(match: re.Match[str]) -> str:
         key, place = match.groups()
-        several = names if isinstance(names, list) else names.get(key)
-        index = int(key) if isinstance(names, list) and key.isdigit() else int(place or 0)
-        if several is None or index >= len(several) or (isinstance(names, list) and not key.isdigit()):
+        if isinstance(names, list):
+            counts = place is None and key.isascii() and key.isdecimal()
+            several, index = names, int(key) if counts else len(names)
+        else:
+            several, index = names.get(key, ()), int(place or 0)
+            index = index if (place or "").isascii() else len(several)
+        if index >= len(several):
             known = f"obs[0] to obs[{len(names) - 1}]" if isinstance(names, list) else f"obs[{'], obs['.join(names)}]"
             raise UsageError(f"signal {name}: there is no {match[0]}; the observation has {known}")
         return str(several[index])

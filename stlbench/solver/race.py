@@ -49,9 +49,9 @@ _PROBE_CHECKPOINTS = 10
 """Its checkpoints. Each is scored from all starts for selection, which is dear on a slow environment."""
 _SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
 """The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
-_CHECKPOINT_STARTS = 8  # starts from which a checkpoint is scored during a training
-_PATIENCE = 1
-"""Checkpoints without a better one after which a training of the race ends, once it satisfies from all starts."""
+_CHECKPOINT_STARTS = 8  # starts from which a checkpoint is scored during a training, at least
+_PATIENCE = 0
+"""A training of the race ends at the first checkpoint that satisfies from all starts for selection."""
 _PROMISING_SHARE = 0.5
 """A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
 race ends, and it trains on."""
@@ -117,9 +117,11 @@ class Trainer:
         """The results of these cells, the best first; perhaps from a policy.
 
         They end with the first that is `enough`. If the time before the delivery is too short, no more begin, but
-        those that run side by side all end. A study has one task and one agent.
+        those that run side by side all end. A study has one task and one agent. Raises `UsageError` where the rows of
+        all are damaged.
         """
         half, ended = (self.workspace.task.budget(budget).seconds or 0.0) / 2, list[Result]()
+        place = self.workspace.folder / cells_of(budget)
 
         def is_last(result: Result) -> bool:
             ended.append(result)
@@ -137,12 +139,14 @@ class Trainer:
                 budget=budget,
                 track="auto",
                 init=init or (None if self.start is None else self.start.path),
-                results=self.workspace.folder / cells_of(budget),
+                results=place,
                 executor=self.executor,
                 jobs=self.jobs,
                 progress=self.progress,
                 until=is_last,
             )
+        if not results:
+            raise UsageError(f"no result of {budget} in {place} can be read; `stlbench verify {place} --repair`")
         return sorted(results, key=rank, reverse=True)
 
     @property
@@ -220,7 +224,8 @@ class Trainer:
 
     def _done(self, folder: str) -> list[Result]:
         place = self.workspace.folder / folder
-        return [each for each in results_folder.read(place) if each.measurement is not None] if place.is_dir() else []
+        there = results_folder.read(place) if results_folder.locate(place) else ()
+        return [each for each in there if each.measurement is not None]
 
     def _plan(self, racing: Sequence[Contestant], probe: Result) -> int:
         """How many contestants, the first of them, the time lets learn; write them, and the budgets of the rungs.
@@ -328,7 +333,8 @@ class Trainer:
                 break
             contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _SIDE_BY_SIDE * (turn - 1)
             init = self._policy_of(best) if onward and resumes(contestant.agent) else None
-            how = "fresh networks" if init is None else "the best policy"
+            begun = "fresh networks" if self.start is None else "the earlier solution"
+            how = begun if init is None else "the best policy"
             self.say(f"training on, from {how}: {contestant}; {seen}")
             seeds = range(first, first + min(_SIDE_BY_SIDE, self._at_once))
             rose = False

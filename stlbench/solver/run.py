@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import re
 from collections.abc import Mapping
 from itertools import count
@@ -21,15 +21,17 @@ from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock, Trainer
-from stlbench.solver.solution import FILE, Solution
+from stlbench.solver.solution import FILE, TEXT, Solution, certificate_of
 from stlbench.solver.workspace import is_of, workspace_of
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_make import blaming
 
 _TIMES = ("steps", "seconds")
-_TRIES = 1000
-"""The number of tries with seeds of their own."""
+_TRIES = 10
+"""The number of tries: each has 1000 of the 10,000 seeds that a study may have."""
+_SAID = {"satisfied", "starts", "low", "confidence", "probability"}
+"""Facts of a certificate that are shown."""
 
 
 def solve(
@@ -67,7 +69,7 @@ def solve(
         terminated: what it means that the environment ends an episode early, as in a task file; by the formula if None.
         start: folder of an earlier solution, of the same observations and actions. Trainings start from its policy,
             with the same method and agent.
-        seed: another number is another try, with other seeds of all trainings.
+        seed: from 0 to 9. Another number is another try, with other seeds of all trainings.
         executor: where trainings run, as for `run_study`.
         jobs: trainings at a time.
         progress: print on stderr how it goes on.
@@ -79,8 +81,8 @@ def solve(
     for name, value, known in (("time", time, _TIMES), ("terminated", terminated, get_args(EarlyEnd))):
         if value is not None and value not in known:
             raise UsageError(f"{name}: unknown {value!r}{did_you_mean(str(value), known)}")
-    if not minutes > 0:
-        raise UsageError(f"minutes should be more than 0, got {minutes:g}")
+    if not 0 < minutes < math.inf:
+        raise UsageError(f"minutes should be more than 0 and finite, got {minutes:g}")
     if not isinstance(seed, int) or seed not in range(_TRIES):
         raise UsageError(f"seed should be a whole number from 0 to {_TRIES - 1}, got {one_line(repr(seed))}")
     identifier, keywords = _identified(environment)
@@ -113,7 +115,7 @@ def solve(
         winner = trainer.race()
         trained = trainer.improve(best_first(trainer.final(winner), [winner]))
     except KeyboardInterrupt:
-        if trained := trainer.kept():
+        if (trained := trainer.kept()) and not _is_delivered(folder, trained[0], confidence):
             say("interrupted: a short certificate of the best so far; ctrl-C again leaves it out")
             note(sentence(Delivery(workspace, problem, clock, confidence, trained, interrupted=True).write()))
         raise
@@ -128,7 +130,7 @@ def solve(
 
 def _folder(problem: Problem) -> Path:
     """The folder of this problem in `solved`, or the first that is free."""
-    name = re.sub(r"[^a-z0-9]+", "-", problem.environment.lower()).strip("-")
+    name = re.sub(r"[^a-z0-9]+", "-", problem.environment.lower()).strip("-") or "task"
     folders = (Path("solved") / (f"{name}-{number}" if number > 1 else name) for number in count(1))
     return next(folder for folder in folders if not folder.exists() or is_of(problem, folder))
 
@@ -161,8 +163,8 @@ def _identified(environment: str | gymnasium.Env[Any, Any]) -> tuple[str, dict[s
 def _is_delivered(folder: Path, best: Result, confidence: float) -> bool:
     """Whether the files are those of this training, at this confidence."""
     try:
-        facts = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        facts = certificate_of(folder / FILE)
     except (OSError, ValueError):
         return False
-    whole = not facts["interrupted"]
-    return bool(whole and facts["key"] == best.key and facts["confidence"] in (confidence, None))
+    whole = facts.get("interrupted") is False and facts.keys() >= _SAID and (folder / TEXT).is_file()
+    return bool(whole and facts.get("key") == best.key and facts["confidence"] in (confidence, None))

@@ -23,7 +23,7 @@ from stlbench.study.results import Results
 from stlbench.task.gym_spaces import as_action
 from stlbench.task.reading import code_of
 
-FILE = "certificate.json"
+FILE, TEXT = "certificate.json", "solution.md"
 FINAL, RACE = "final", "race"
 """Folders of results: of the last trainings, the first of which has a budget of that name, and of all before."""
 MORE = "more-"
@@ -139,7 +139,7 @@ class Solution:
 
     def report(self) -> str:
         """The text of `solution.md`."""
-        return read(self.folder / "solution.md", self.folder).decode()
+        return read(self.folder / TEXT, self.folder).decode()
 
 
 def cells_of(budget: str) -> str:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, Field
 
 from stlbench.contract import Array, GymTask
@@ -27,7 +26,7 @@ from stlbench.solver import tries
 from stlbench.solver.problem import Problem, code_beside, content_of, given_to_code
 from stlbench.task import Task, load_task
 from stlbench.task.entry import Finite, Positive
-from stlbench.task.reading import file_of
+from stlbench.task.reading import dump_yaml, file_of, load_yaml
 from stlbench.tracks.auto import regions, scheduled
 
 TASK = Choice("task")
@@ -165,7 +164,7 @@ class Workspace:
 
     @property
     def _content(self) -> dict[str, Any]:
-        content: dict[str, Any] = yaml.safe_load(self._file.read_text(encoding="utf-8"))
+        content: dict[str, Any] = load_yaml(self._file.read_text(encoding="utf-8"), str(self._file))
         return content
 
 
@@ -245,7 +244,7 @@ def _refuse_other_code(problem: Problem, home: Path) -> None:
         inside(path, home)
     file = file_of(home)
     shutil.rmtree(home / "__pycache__", ignore_errors=True)
-    code = {name: text.encode() for name, text in code_beside(problem).items()}
+    code = code_beside(problem)
     for name in sorted({path.name for path in home.iterdir()} | code.keys() - {_FILE}):
         if name != _FILE and not ((home / name).is_file() and (home / name).read_bytes() == code.get(name)):
             raise UsageError(f"{home / name} is not as this solve writes it; remove {home.parent}, or name another")
@@ -265,8 +264,8 @@ def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str],
     content = content_of(problem, max(_PLAY_SECONDS, _FIRST_LOOK_SHARE * seconds))
     content["budgets"] = {"probe": _probe(content["steps"])}
     _write(home / _FILE, content)
-    for name, text in code_beside(problem).items():
-        write(home / name, text)
+    for name, code in code_beside(problem).items():
+        write(home / name, code)
     named_tasks.know(home, instead=True)
     task = load_task(TASK)
     episode = tries.episode_seconds(task)
@@ -304,7 +303,7 @@ def _probe(steps: int) -> dict[str, Any]:
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:
-    write(path, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110))
+    write(path, dump_yaml(content, default_flow_style=None, width=110))
 
 
 def _numbers(score: Score) -> dict[str, float]:

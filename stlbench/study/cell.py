@@ -12,7 +12,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stlbench.contract import GymTask, System
@@ -23,8 +22,11 @@ from stlbench.records.result_files import write
 from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code, code_of, own_code
+from stlbench.stl.language.structure import walk
+from stlbench.stl.language.syntax import Between
 from stlbench.task.entry import Count
-from stlbench.task.reading import load_yaml
+from stlbench.task.file import Environment
+from stlbench.task.reading import dump_yaml, load_yaml
 from stlbench.task.task import Task, agent_for, load_task
 from stlbench.tracks.auto import for_every_method
 
@@ -100,7 +102,7 @@ def own_agent_on(task: Task, track: Track) -> str:
 def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None:
     """Write a file that `read_recipes` reads, with facts of how they were found. Raises `UsageError`."""
     content = {**facts, "recipes": TypeAdapter(_Found).dump_python(recipes, exclude_defaults=True)}
-    written = yaml.safe_dump(content, sort_keys=False, width=100)
+    written = dump_yaml(content, width=100)
     write(path, f"# Recipes of the track tuned, written by `stlbench tune`.\n{written}")
 
 
@@ -156,6 +158,8 @@ _NO_PART: dict[str, Any] = dict.fromkeys((*_WORDS, "agents", "budgets", "schedul
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """Its entries for environments alone."""
 _OF_BUDGET = {"steps", "checkpoints", "patience", "seconds", "random_starts"}  # what of a budget changes a result
+_RANGES = 1
+"""The state of the ranges of until, release and since, of which the scores of early ends are made."""
 _NO_CODE = Code()
 
 
@@ -206,12 +210,27 @@ def task_part(task: Task, budget: str) -> KeyPart:
     left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
     content = task.file.model_dump(mode="json", exclude=left_out)
     numbers = task.budget(budget).model_dump(mode="json", include=_OF_BUDGET, exclude_none=True)
-    values: list[Any] = [task.choice.name, content, numbers]
+    values: list[Any] = [task.choice.name, content, numbers, *_beyond_json(task.file.environment)]
     if task.view is not None:
         values.append(task.view.revision)
+    if task.file.terminated != "hold" and _has_until(task):
+        values.append(_RANGES)
     if not isinstance(task.dynamics, GymTask):
         return _part("tasks", task.choice.name, values)
     return _part("tasks", task.choice.name, [*values, task.source.software], own_code(_modules(task)))
+
+
+def _beyond_json(entry: Environment | None) -> list[str]:
+    """The arguments of an environment as Python writes them, if JSON changes them, as dates and numbers as keys."""
+    if entry is None or entry.model_dump(mode="json", include={"kwargs"})["kwargs"] == entry.kwargs:
+        return []
+    return [repr(entry.kwargs)]
+
+
+def _has_until(task: Task) -> bool:
+    """Whether a formula that the referee scores has an until, a release or a since."""
+    others = [protocol.formula for protocol in task.file.protocols.values() if protocol.formula is not None]
+    return any(isinstance(part, Between) for formula in (task.formula, *others) for part in walk(formula))
 
 
 def _modules(task: Task) -> tuple[str, ...]:

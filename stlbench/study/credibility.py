@@ -94,6 +94,8 @@ class ConsistencyCheck:
             self._link = link = self._link or self._started()
             link.send(call)
             if not link.poll(_DEADLINE):
+                self._open.close()  # its answer would be taken for the next one's
+                self._link = None
                 return f"who looks at it gave no answer within {_DEADLINE:.0f} s"
             answer: str | None = link.recv()
         except (EOFError, OSError) as error:
@@ -114,7 +116,8 @@ class ConsistencyCheck:
         )
         theirs.close()
         self._open.callback(process.wait)
-        self._open.callback(ours.close)  # the process ends when it has nobody to answer
+        self._open.callback(process.kill)  # it may hang
+        self._open.callback(ours.close)
         ours.send(sys.path)
         return ours
 

@@ -6,11 +6,12 @@ looked up once more, as another process may have written meanwhile, and runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from stlbench.contract import Executor, Work
@@ -96,12 +97,22 @@ def run_missing(study: Study, progress: Listener | None = None, until: Until | N
 def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list[Result]]:
     """Those of a study's cells that would run, and the results that its folder has. Nothing is written."""
     recorded = [*results_folder.read(study.folder)] if results_folder.locate(study.folder) else []
-    ended = [result for result in recorded if result.status not in study.retry]
-    finished, kept = {result.key for result in ended}, {result.id for result in ended} if study.keep_old else ()
-    if (path := study.folder / LEDGER).is_file():  # it knows more than its results: what is given up
-        with Ledger(path, create=False) as ledger:
-            finished = ledger.finished((cell.key for cell in cells), study.retry, study.attempts)
-    return [cell for cell in cells if cell.key not in finished and cell.id not in kept], recorded
+    with _looked_up(study.folder, recorded) as ledger:
+        missing, _ = _lacking(cells, study.retry, study.attempts, study.keep_old, ledger)
+    return missing, recorded
+
+
+@contextmanager
+def _looked_up(folder: Path, recorded: Sequence[Result]) -> Iterator[Ledger]:
+    """The ledger of a folder, else one elsewhere with its results, as a run would write it."""
+    if (own := folder / LEDGER).is_file():
+        with Ledger(own) as ledger:
+            yield ledger
+        return
+    with TemporaryDirectory() as elsewhere, Ledger(Path(elsewhere) / LEDGER) as ledger:
+        if recorded:
+            ledger.fill({result.key: result.id for result in recorded}, recorded)
+        yield ledger
 
 
 def run_cells(
@@ -164,19 +175,32 @@ def _left(
     ledger: Ledger,
 ) -> _Left:
     """Look up what a ledger lacks; `today` is the provenance of cells that start now."""
-    known, notes = {cell.key: cell for cell in cells}, list[str]()
-    finished = ledger.finished(known, retry, attempts)
-    missing = [cell for key, cell in known.items() if key not in finished]
-    if missing and (old := outdated(missing, ledger)):
+    known, notes = {cell.key for cell in cells}, list[str]()
+    missing, old = _lacking(cells, retry, attempts, keep_old, ledger)
+    if old:
         notes.append(outdated_note(old, ledger, today, keep_old))
-        kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
-        missing = [cell for cell in missing if cell.id not in kept]
     if retry and attempts and (lost := ledger.given_up(known, attempts)):
         notes.append(_given_up(lost, attempts))
     done = len(cells) - len(missing)
     if until is not None and any(map(until, ledger.results(known))):
         missing = []
     return _Left(missing, done, tuple(notes))
+
+
+def _lacking(
+    cells: Sequence[Cell],
+    retry: Collection[Status],
+    attempts: int | None,
+    keep_old: bool | None,
+    ledger: Ledger,
+) -> tuple[list[Cell], dict[str, Cell]]:
+    """The cells that would run, and those that have a result of other code, by its key."""
+    known = {cell.key: cell for cell in cells}
+    finished = ledger.finished(known, retry, attempts)
+    missing = [cell for key, cell in known.items() if key not in finished]
+    old = outdated(missing, ledger) if missing else {}
+    kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
+    return [cell for cell in missing if cell.id not in kept], old
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:

@@ -115,9 +115,10 @@ class Shard(NamedTuple):
 
 def read_shard(value: Any) -> Any:
     """K/N on the command line."""
-    if value is None or isinstance(value, Shard):
+    if value is None:
         return value
-    said = re.fullmatch(r"\s*([0-9]{1,5})/([0-9]{1,5})\s*", value) if isinstance(value, str) else None
+    text = f"{value.number}/{value.shards}" if isinstance(value, Shard) else value
+    said = re.fullmatch(r"\s*([0-9]{1,5})/([0-9]{1,5})\s*", text) if isinstance(text, str) else None
     if not said or not 1 <= int(said[1]) <= int(said[2]):
         raise ValueError(f"K/N is expected, as in 3/40, with K from 1 to N, got {value!r:.80}")
     return Shard(int(said[1]), int(said[2]))

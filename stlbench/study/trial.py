@@ -257,8 +257,9 @@ def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, fo
 def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial: Arrays | None = None) -> Measured:
     """Train, perhaps from the arrays of an earlier policy, and score the selected and the final policy."""
     whole = Clock()
-    referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = train(task, method, agent, cell, referee.glance, initial)
+    budget = task.budget(cell.id.budget)
+    referee = Referee(task, method, budget.random_starts)
+    trained = train(task, method, agent, cell, referee.look if budget.patience == 0 else referee.glance, initial)
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)

@@ -133,7 +133,12 @@ def _shared(task: Task, agent: Choice, name: str) -> Option:
 
 def _candidates(task: Task, name: str, values: tuple[Option, ...], own: Option) -> tuple[Option, ...]:
     fitting = [value for value in values if name != HOLD or _holds(task, int(value))]
-    return tuple(fitting) if own in fitting else tuple(sorted([*fitting, own], key=float))
+    return tuple(fitting) if own in fitting else tuple(sorted([*fitting, own], key=_place))
+
+
+def _place(value: Option) -> tuple[float, str]:
+    """By which the values of a parameter are ordered; it may have texts too."""
+    return (0.0, value) if isinstance(value, str) else (float(value), "")
 
 
 def _holds(task: Task, steps: int) -> bool:

@@ -211,7 +211,7 @@ def _budget(name: str, budget: Budget, steps: int) -> Budget:
     """The budget with patience; `quick` has 900 episodes of so many steps at least."""
     times = max(1.0, EPISODES * steps / budget.steps) if name == "quick" else 1.0
     longer = {"steps": round(times * budget.steps), "checkpoints": ceil(times * budget.checkpoints)}
-    return budget.model_copy(update={**longer, "patience": budget.patience or PATIENCE})
+    return budget.model_copy(update={**longer, "patience": PATIENCE if budget.patience is None else budget.patience})
 
 
 def recipe(agent: str, task: Task) -> dict[str, Any]:
@@ -287,8 +287,9 @@ def _lasting(parts: Sequence[Window], file: TaskFile) -> list[Window]:
 def _exploring(task: Task) -> Exploring | None:
     """Episodes that begin at a random time, in states met before or in states drawn from the ranges.
 
-    The invariants hold in the states drawn, and a goal holds in half of them. They are initial states if no coordinate
-    has a range. An environment whose state cannot be set has no such episodes.
+    The invariants hold in the states drawn, and a goal holds in half of them. Goals of the first sample alone do not
+    count, as no action changes it. The states are initial ones if no coordinate has a range. An environment whose state
+    cannot be set has no such episodes.
     """
     if not isinstance(task.dynamics, System):
         return None
@@ -314,5 +315,6 @@ def _exploring(task: Task) -> Exploring | None:
         return Exploring(share=share, kept=1.0, length=length)
     goals = [part for part in parts if not part.invariant]
     found = zip(goals, fulfilling(task, states, [goal.psi for goal in goals]), strict=True)
-    near = [{"until": goal.end, "where": str(goal.psi)} for goal, reached in found if len(reached) >= _FEWEST]
+    apt = (goal for goal, reached in found if goal.end and len(reached) >= _FEWEST)
+    near = [{"until": goal.end, "where": str(goal.psi)} for goal in apt]
     return Exploring.model_validate({"share": share, "kept": 0.5, "length": length, "states": states, "near": near})

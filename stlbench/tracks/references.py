@@ -33,6 +33,7 @@ class References:
     best_known: BestKnown | None = None  # from the task file; None if it says nothing
     own_agent: str | None = None
     """The agent that the task is trained with unless another is named; None where nobody knows."""
+    hold: int | None = None  # steps for which the task holds an action; None where nobody knows
     at_random: Score | None = None  # the score of random actions, from the same starts; None if it is not known
     zero: Score | None = None  # the score of the action zero, from the same starts
     constant: Score | None = None  # the score of the best constant action, from the same starts
@@ -57,7 +58,10 @@ def known(task: Choice) -> References:
     """The facts of a task that need no simulation."""
     loaded = load_task(task)
     return References(
-        best_known=loaded.file.best_known, own_agent=loaded.own_agent, groups=named_tasks.groups(task.name)
+        best_known=loaded.file.best_known,
+        own_agent=loaded.own_agent,
+        hold=loaded.file.hold,
+        groups=named_tasks.groups(task.name),
     )
 
 

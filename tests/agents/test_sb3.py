@@ -127,3 +127,12 @@ def test_it_learns_to_go_to_a_point_and_stay() -> None:
     training = Training(lambda n: BatchEnvironment(task, method, n, 1), 4000, 3, lambda *given: None, checkpoints=4)
     satisfaction, _ = Referee(task, method).select(SB3TD3(copies=4, gamma=0.8).train(training))
     assert satisfaction >= 0.6
+
+
+@pytest.mark.parametrize(
+    "sizes", [{"n_steps": 1, "copies": 1}, {"n_steps": 9, "copies": 1}, {"n_steps": 1, "copies": 8}]
+)
+def test_a_rollout_of_ppo_has_two_samples_at_least(sizes: dict[str, int]) -> None:
+    fitted = SB3PPO(**sizes).fitted(1)
+    assert fitted.n_steps * fitted.copies >= 2
+    assert 2 <= fitted.batch_size <= fitted.n_steps * fitted.copies

@@ -140,3 +140,13 @@ def test_each_value_counts(name: str, given_: list[float]) -> None:
 def test_a_sharpness_is_finite(name: stl.SemanticsName, sharpness: float) -> None:
     with pytest.raises(ValueError, match=r"the sharpness is a finite number above 0, got .*'classic'"):
         stl.semantics(name, sharpness)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("fold", [*FOLDS.values(), Mean(), Total()], ids=[*FOLDS, "mean", "total"])
+@pytest.mark.parametrize("value", [math.inf, -math.inf, -2.0])
+def test_0_times_a_value_is_no_value(fold: Fold, value: float) -> None:
+    one = fold.lift(np.array(0.5))
+    none = fold.repeat(fold.lift(np.array(value)), 0)
+    assert fold.read(none) == (0.0 if isinstance(fold, Total) else math.inf)
+    assert fold.read(fold.merge(none, one)) == fold.read(one)

@@ -19,7 +19,7 @@ def test_amounts(text, size):
     assert read(text) == size
 
 
-@pytest.mark.parametrize("text", ["", "4", "G", "-4G", "4 G B", "lots", "4X", "1K", 0, "nan"])
+@pytest.mark.parametrize("text", ["", "4", "G", "-4G", "4 G B", "lots", "4X", "1K", 0, "nan", "9" * 400 + "T"])
 def test_what_is_no_amount_of_memory(text):
     with pytest.raises(ValidationError):
         read(text)

@@ -156,3 +156,10 @@ class TestSize:
         method = TauMdp(load_task("robot-nav").specification)
         assert (method.tau, method.input_size) == (2001, 4002)  # samples of x and y
         assert method.extension == "absolute intervals; its source has windows in F or G[0,T]"
+
+
+@pytest.mark.parametrize("formula", ["G[2,9] x >= 1", "G[0,9] abs(x) <= 0.003"])
+def test_a_reward_that_overflows_is_unsuitable(formula: str) -> None:
+    """In the unit of a rho_max that is 0 but for rounding, or far less than rho_min."""
+    with pytest.raises(Unsuitable, match="its exp overflows"):
+        TauMdp(specification(formula, {"x": (-3.0, 1.0)}))

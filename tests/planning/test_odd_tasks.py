@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from helpers import lattice
 from helpers.lattice import Paid, Stepped
+from pydantic import ValidationError
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, Specification, Unsuitable
+from stlbench_methods.machine import Machine
 from stlbench_planning import maximin, sums
-from stlbench_planning.grid import Axis, Grid
+from stlbench_planning.grid import Axis, AxisRecipe, Grid
 
 STARTS = np.array([[-2.0], [0.0], [2.0]])
 SPEC = lattice.specification("G[0,6] x <= 1", 6)
@@ -154,3 +156,34 @@ class TestFormulas:
         model = lattice.task(formula, 6, hold)
         with pytest.raises(Unsuitable, match=rf"none of its windows begins with a decision, every {hold} samples"):
             maximin.plan(model, *lattice.whole(model))
+
+
+class TestOverAtTheGridsEdge:
+    @pytest.mark.parametrize("reach", [9, 3])
+    def test_a_memory_that_is_over_counts_also_there(self, reach: int) -> None:
+        """The goal x >= 4 pays 1 and is all; the last point of one grid is 3."""
+        model = lattice.model(Machine(lattice.specification("F[0,4] x >= 4", 4)))
+        policy, start = sums.plan(model, *lattice.whole(model, reach), 0.9), np.array([[0.0]])
+        most = lattice.returns(model, lattice.every_plan(model, start[0]), 0.9).max()
+        assert most == pytest.approx(0.9**3)
+        np.testing.assert_allclose(policy.value(start), most, atol=1e-5)
+        np.testing.assert_allclose(lattice.returns(model, lattice.followed(model, policy, start), 0.9), most, atol=1e-5)
+
+
+class TestMarginsWithoutAValue:
+    @pytest.mark.parametrize("formula", ["F[0,3] sqrt(x) >= 2.4", "F[0,3] x >= 8 & G[0,3] 1 / (x + 9) <= 1"])
+    def test_the_plan_is_the_best_among_those_that_have_one(self, formula: str) -> None:
+        """The grid has states, and steps out of it, at which a margin has no value."""
+        model, start = lattice.task(formula, 3), np.array([[5.0]])
+        policy = maximin.plan(model, *lattice.whole(model))
+        most = lattice.robustness(model, lattice.every_plan(model, start[0]).samples).max()
+        np.testing.assert_allclose(policy.value(start), most, atol=1e-5)
+        np.testing.assert_allclose(
+            lattice.robustness(model, lattice.followed(model, policy, start).samples), most, atol=1e-5
+        )
+
+
+@pytest.mark.parametrize("axis", [{"low": -np.inf, "high": 5}, {"low": 0, "high": 5, "near": [np.nan]}])
+def test_an_axis_has_finite_ends_and_borders(axis: dict[str, object]) -> None:
+    with pytest.raises(ValidationError, match="finite"):
+        AxisRecipe.model_validate(axis)

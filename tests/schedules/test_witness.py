@@ -76,6 +76,15 @@ def test_a_witness_that_goes_another_way_than_those_before_it_is_left_out() -> N
     assert around(formula, REGIONS, 1, LAST, either[:0]) is None
 
 
+def test_an_alternative_that_every_trace_satisfies_gives_no_windows() -> None:
+    """Nothing is before the first sample, so H[2,4] holds there."""
+    trace = np.array([_trace(a=(5, 5))])
+    assert around(_parsed("H[2,4] A"), REGIONS, 1, LAST, trace) is None
+    either = around(_parsed("F[0,20] A | H[2,4] B"), REGIONS, 1, LAST, trace)
+    assert either == around(_parsed("F[0,20] A"), REGIONS, 1, LAST, trace)
+    assert either is not None
+
+
 @pytest.mark.parametrize("formula", [CHAIN, PATROL, RESPONSE, "(!B) U[10,30] A", "G[0,20] (A -> F[0,9] G[0,3] B)"])
 def test_they_imply_the_formula(formula: str) -> None:
     """On walks between A and B: the schedule around each one that satisfies holds for it, and implies the formula."""

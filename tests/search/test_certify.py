@@ -107,6 +107,7 @@ def test_another_seed_has_other_starts_and_the_same_has_the_same() -> None:
     ("claim", "message"),
     [
         (Claim(1.0), "a confidence is between 0 and 1, got 1"),
+        (Claim(starts=10**20), "a certificate takes at most 1,000,000,000 starts, got 100000000000000000000"),
         (Claim(at_least=1.5), "a probability is between 0 and 1, got 1.5"),
         (Claim(width=0.0), "a width is between 0 and 1, got 0"),
         (Claim(at_least=0.5, width=0.1), "not by both"),

@@ -127,6 +127,14 @@ def test_bad_input() -> None:
         falsify(still(initial=hopeless), How(evaluations=50))
 
 
+@pytest.mark.parametrize("evaluations", [1, 2, 3])
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
+def test_few_evaluations_meet_a_start_in_a_small_part_of_the_box(optimiser: str, evaluations: int) -> None:
+    """It has 2 % of it."""
+    corner = {"box": {"a": [-1, 0], "b": [0, 1]}, "where": "a <= -0.9 & b <= 0.2"}
+    assert falsify(still(initial=corner), How(optimiser, evaluations)).evaluations in range(1, evaluations + 1)
+
+
 def test_many_rows_are_simulated_in_parts() -> None:
     sizes = list[int]()
     actor = still("G[0,2000000] a <= 9", steps=2_000_000)

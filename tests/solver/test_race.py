@@ -18,11 +18,14 @@ from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.solver.contestants import Contestant, again, along, best_first, contestants, searcher
+from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
-from stlbench.solver.race import Clock, Trainer
+from stlbench.solver.race import _APART, Clock, Trainer
+from stlbench.solver.run import _TRIES
 from stlbench.solver.workspace import TASK, is_of, workspace_of
 from stlbench.study.initial import read
+from stlbench.study.study import MOST_SEEDS
 from stlbench.task import load_task
 from stlbench.tracks.auto import PATIENCE, automatic
 from stlbench_agents.cma_es import CMAES
@@ -103,6 +106,30 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
     assert played.now <= 480  # the rest is for the delivery
 
 
+def test_what_the_next_training_begins_with_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    played, begun = Played(monkeypatch, {}), list[str]()
+    monkeypatch.setattr("stlbench.solver.race.outlook", lambda folder, result, starts: Outlook(100, 90, 0))
+    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
+    for start, place in ((None, "none"), (EarlierPolicy(Path("p.npz"), "", Contestant("raw", "dqn"), None), "some")):
+        workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(place))
+        workspace.begin(10.0)
+        played.now, said = 60.0, list[str]()
+        Trainer(workspace, Clock(10.0, 0.0), said.append, False, jobs=1, start=start).improve(first)
+        begun += [text.partition(":")[0].removeprefix("training on, from ") for text in said[:2]]
+    assert begun == ["the best policy", "fresh networks", "the best policy", "the earlier solution"]
+
+
+def test_a_race_of_which_no_row_can_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    Played(monkeypatch, {})
+    monkeypatch.setattr("stlbench.solver.race.run_study", lambda **options: [])
+    with pytest.raises(UsageError, match=r"no result of probe in out/race can be read; `stlbench verify out/race --r"):
+        raced(10.0)
+
+
+def test_each_number_of_a_try_has_seeds_that_a_study_takes() -> None:
+    assert _APART * _TRIES == MOST_SEEDS
+
+
 def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {})
     monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: pytest.fail("it looked"))
@@ -151,14 +178,14 @@ def test_a_training_of_the_race_ends_once_it_satisfies(monkeypatch: pytest.Monke
     raced(30.0)
     budgets = load_task("task").file.budgets
     assert {name: budget.patience for name, budget in budgets.items()} == {
-        "probe": 1,
-        "search": 1,
-        "rung-1": 1,
-        "rung-2": 1,
+        "probe": 0,
+        "search": 0,
+        "rung-1": 0,
+        "rung-2": 0,
         "final": None,
     }
     helped = automatic(load_task("task"), "dqn").file.budgets
-    assert (helped["probe"].patience, helped["final"].patience) == (1, PATIENCE)
+    assert (helped["probe"].patience, helped["final"].patience) == (0, PATIENCE)
 
 
 @pytest.mark.parametrize(("half", "races_on"), [(0.51, False), (0.49, True)])

@@ -19,12 +19,13 @@ from stlbench.cli.show_task import _schedule
 from stlbench.contract import ActionGrid
 from stlbench.errors import UsageError
 from stlbench.simulation.baselines import in_pieces, replay
-from stlbench.solver.problem import Problem, content_of
+from stlbench.solver.problem import Problem, _expression, code_beside, content_of
 from stlbench.solver.run import _folder
 from stlbench.solver.tries import Nearest, check_speed, of_course
 from stlbench.solver.workspace import workspace_of
 from stlbench.task import load_task
 from stlbench.task.gym_sketch import sketch
+from stlbench.task.reading import dump_yaml, load_yaml
 from stlbench.tracks.auto import automatic
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gym-pendulum" / "task.yaml"
@@ -37,6 +38,29 @@ def test_each_problem_has_a_folder_of_its_own() -> None:
     assert _folder(second) == Path("solved/cartpole-v1-2")
     with pytest.raises(UsageError, match="solved/cartpole-v1 has another problem, CartPole-v1 G"):
         workspace_of(second, _folder(first))
+
+
+@pytest.mark.parametrize("name", [".", "..", "./任务"])
+def test_a_problem_without_letters_has_a_folder_too(name: str) -> None:
+    assert _folder(Problem(name, None)) == Path("solved/task")
+
+
+def test_code_beside_a_task_is_copied_as_it_is() -> None:
+    home = Path("two-parts")
+    (home / "parts.py").mkdir(parents=True)
+    (home / "task.yaml").write_bytes(EXAMPLE.read_bytes())
+    (home / "notes.py").write_bytes(b"# -*- coding: latin-1 -*-\r\nname = '\xe9'\n")
+    assert code_beside(Problem("./two-parts", None)) == {"notes.py": (home / "notes.py").read_bytes()}
+
+
+@pytest.mark.parametrize("text", ["obs[1][0]", "obs[1][77]", "obs[x]", "obs[²]", "obs[٣]"])
+def test_an_array_has_one_index_of_ascii_digits(text: str) -> None:
+    with pytest.raises(
+        UsageError, match=re.escape(f"signal z: there is no {text}; the observation has obs[0] to obs[3]")
+    ):
+        _expression("z", text, ["a", "b", "c", "d"])
+    assert _expression("z", "obs[3] + obs[0]", ["a", "b", "c", "d"]) == "d + a"
+    assert _expression("z", "obs[g][1] + obs[g]", {"g": ["g0", "g1"]}) == "g1 + g0"
 
 
 def test_the_task_file_of_an_environment() -> None:
@@ -184,6 +208,17 @@ def test_how_long_a_slow_environment_takes_is_said_before_the_first_look() -> No
 )
 def test_seconds_may_be_fractions_and_a_rate_may_be_no_round_number(environment: str, formula: str, steps: str) -> None:
     assert content_of(Problem(environment, formula, time="seconds"))["formula"] == steps
+
+
+def test_arguments_stay_what_they_are_in_the_file_of_a_problem(tmp_path: Path) -> None:
+    given = {"healthy_z_range": [0.2, float("inf")], "reset_noise_scale": {1: "1e3"}}
+    environment = {"id": "Hopper-v5", "kwargs": given, "names": ["z", *(f"o{place}" for place in range(10))]}
+    signals, home = {"z": {"low": 0, "high": 2}}, tmp_path / "hopper-kwargs"
+    home.mkdir()
+    content = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8")) | {"environment": environment, "signals": signals}
+    (home / "task.yaml").write_text(dump_yaml(content | {"formula": "G[0,5] z >= 0.5", "plane": None}))
+    written = dump_yaml(content_of(Problem(str(home), None)))
+    assert load_yaml(written, "here")["environment"]["kwargs"] == given
 
 
 def test_schedules_by_hand_are_left_out(tmp_path: Path) -> None:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import time
+from contextlib import suppress
 from dataclasses import replace
+from multiprocessing.connection import Pipe
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +19,7 @@ from stlbench.records.array_files import Assessment, save_traces
 from stlbench.records.result import MAIN, Measurement, Result
 from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import parse_choices
-from stlbench.study import trial
+from stlbench.study import credibility, trial
 from stlbench.study.cell import Cell
 from stlbench.study.credibility import ConsistencyCheck, contradiction
 from stlbench.study.plan import plan_cells
@@ -75,3 +80,45 @@ def test_traces_from_elsewhere(cell: Cell, honest: tuple[Result, Path], tmp_path
         assert (failed.status, failed.key, failed.measurement) == ("raised", cell.key, None)
         assert said in failed.reason
         assert not path.exists()
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    links = list[Any]()
+
+    def started(check: ConsistencyCheck) -> Any:
+        ours, theirs = Pipe()
+        links.append(theirs)
+        if len(links) > 1:
+            theirs.send("about the second")
+        return ours
+
+    monkeypatch.setattr(credibility, "_DEADLINE", 0.0)
+    monkeypatch.setattr(ConsistencyCheck, "_started", started)
+    with ConsistencyCheck([], Path()) as examined:
+        assert str(examined._ask(cast(Any, "first"))).startswith("who looks at it gave no answer within")
+        with suppress(BrokenPipeError):
+            links[0].send("about the first")
+        assert examined._ask(cast(Any, "second")) == "about the second"
+
+
+class Hanging:
+    """A cell whose task takes a while to load."""
+
+    measurement = True
+
+    def load_task(self) -> None:
+        time.sleep(20)
+
+
+def test_a_process_that_hangs_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, popen = list[subprocess.Popen[bytes]](), subprocess.Popen
+
+    def started(*words: Any, **options: Any) -> Any:
+        begun.append(popen(*words, **options))
+        return begun[-1]
+
+    monkeypatch.setattr(credibility, "_DEADLINE", 0.0)
+    monkeypatch.setattr(subprocess, "Popen", started)
+    with ConsistencyCheck([], Path()) as examined:
+        examined._ask(cast(Any, (Hanging(), Hanging(), Path())))
+    assert [process.returncode for process in begun] == [-signal.SIGKILL]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.line_task import FILE, Line, line
+from matplotlib.image import AxesImage
 from PIL import Image
 
 from stlbench.errors import UsageError
@@ -110,6 +111,14 @@ def test_a_region_moves_with_the_signals_that_the_plane_does_not_show():
         far = [np.hypot(*(grid - place).T).T for place in ([first, 0], [0, 2], [-2, -2])]
         clear = np.min(far, axis=0) - 0.4
         assert np.array_equal(shown[np.abs(clear) > 1e-9], (clear > 0)[np.abs(clear) > 1e-9])
+
+
+def test_a_part_that_reads_no_signal_of_the_plane_is_not_drawn_in_it():
+    signals = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xyz"}
+    flat = task(signals=signals, plane=["x", "y"], formula="G[0,4] z <= 1")
+    _, update, artists, _ = film.scene(flat, Recording(np.zeros((1, 9, 3)), 1), (1.0,))
+    update(0)
+    assert not any(isinstance(artist, AxesImage) for artist in artists)
 
 
 def test_a_trace_that_leaves_the_picture_is_said_to():

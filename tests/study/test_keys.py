@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from helpers.walk_task import walk
 
 from stlbench.registry.choices import parse_choice
 from stlbench.registry.fingerprint import Code
@@ -87,3 +88,24 @@ def test_the_cell_knows_the_files_of_its_code():
     assert names >= {"stlbench.simulation.referee", *modules}
     assert {f"stlbench_tasks/hold_disc/{file}" for file in ("by_hand.yaml", "task.yaml")} <= names
     assert all(code.changed is None for code in cell.code)
+
+
+UNTIL = "x >= -5 U[0,4] x >= 1"
+
+
+@pytest.mark.parametrize(
+    ("changes", "changed"),
+    [
+        ({"terminated": "violated", "formula": UNTIL}, True),
+        ({"terminated": "interval", "formula": "G[0,4] !(x >= 0 R[0,4] x >= 1)"}, True),
+        ({"terminated": "violated", "formula": "F[0,4] (x >= 0 S[0,2] x >= 1)"}, True),
+        ({"terminated": "violated", "protocols": {"other": {"title": "another", "formula": UNTIL}}}, True),
+        ({"terminated": "violated", "formula": "F[0,4] x >= 1"}, False),
+        ({"formula": UNTIL}, False),
+    ],
+)
+def test_ranges_are_in_the_keys_of_early_ends_with_an_until_alone(monkeypatch, changes, changed):
+    task = replace(walk(**changes), choice=parse_choice("hold-disc"))
+    before = keys.task_part(task, "smoke").digest
+    monkeypatch.setattr(keys, "_RANGES", keys._RANGES + 1)
+    assert (keys.task_part(task, "smoke").digest != before) == changed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from helpers import scripted_cells
 from helpers.scripted_cells import Here, Told
@@ -18,6 +20,7 @@ from stlbench.study.code_changes import run_checked
 from stlbench.study.plan import Checked, preload
 from stlbench.study.run import run_cells
 from stlbench.study.scheduler import build_executor
+from stlbench.study.study import Study
 
 pytestmark = pytest.mark.usefixtures("scripted")
 
@@ -94,6 +97,30 @@ def test_a_study_ends_with_the_first_result_that_is_asked_for_and_is_not_begun_a
     assert study(tmp_path, cells, until=is_b)[1] == [(["a", "b", "c"], 0), ("a", "unsuitable"), ("b", "unsuitable")]
     assert study(tmp_path, cells, until=is_b) == ([], [([], 2)])
     assert study(tmp_path, cells)[0] == [("c", 60)]
+
+
+@pytest.mark.parametrize("as_text", [False, True])
+@pytest.mark.parametrize("keep_old", [False, True])
+def test_a_dry_run_names_what_would_run(tmp_path, keep_old, as_text):
+    """Also where a result is of other code, an accident of it, or to be measured again."""
+    cells = scripted_cells.cells("a", "b", "c", "d", "e")
+    with Ledger(tmp_path / LEDGER) as ledger:
+        ledger.record(cells[0].ended("unsuitable"))
+        ledger.record(replace(cells[1].ended("unsuitable"), key="of other code"))
+        ledger.record(replace(cells[2].ended("raised"), key="of other code too"))
+        ledger.record(cells[3].ended("unsuitable"))
+        if as_text:
+            write_lines(ledger.results(), tmp_path / LINES, {})
+        else:
+            ledger.mark(cells[3].key, cells[3].key)
+    if as_text:
+        (tmp_path / LEDGER).unlink()
+    before = sorted(path.name for path in tmp_path.iterdir())
+    described = Study.of({"tasks": "a", "methods": "b", "results": tmp_path, "keep_old": keep_old})
+    named = [cell.id.method.name for cell in run.missing_cells(described, cells)[0]]
+    assert named == [*(() if keep_old else "b"), "c", *(() if as_text else "d"), "e"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert named == [name for name, _ in study(tmp_path, cells, keep_old=keep_old)[0]]
 
 
 def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked(tmp_path, monkeypatch):

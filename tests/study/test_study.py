@@ -72,6 +72,13 @@ def test_shards_that_mean_nothing(text):
         Study.of({"tasks": "a", "methods": "b", "shard": text})
 
 
+@pytest.mark.parametrize("shard", [Shard(0, 2), Shard(5, 2), Shard(1, 0), Shard(-1, 2)])
+def test_a_shard_in_python_is_checked_too(shard):
+    with pytest.raises(UsageError, match=r"^shard: K/N is expected, as in 3/40, with K from 1 to N, got Shard\("):
+        Study.of({"tasks": "a", "methods": "b", "shard": shard})
+    assert Study.of({"tasks": "a", "methods": "b", "shard": Shard(2, 2)}).shard == Shard(2, 2)
+
+
 def test_options_go_before_the_file(tmp_path):
     file = tmp_path / "study.yaml"
     file.write_text('tasks: [hold-disc]\nmethods: ["funnel[ginf=0.02]", flag]\nseeds: 5\nresults: here\n')

@@ -14,6 +14,7 @@ from stlbench.contract import Array, Integers
 from stlbench.records.result import MAIN, Measurement, Result
 from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import parse_choices
+from stlbench.simulation.referee import Referee
 from stlbench.study import trial
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
@@ -178,3 +179,15 @@ def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:
 def test_training_ends_after_some_checkpoints_without_a_better_one(scores, ends):
     patience = Patience(2)
     assert [place for place, score in enumerate(scores) if patience.ends(*score)] == ends
+
+
+def test_with_patience_0_a_training_ends_at_the_first_that_satisfies_from_all_starts(monkeypatch):
+    """All checkpoints satisfy from the few starts, the second one from all."""
+    shares = iter((0.9, 1.0))
+    monkeypatch.setattr(Referee, "glance", lambda referee, policy: (1.0, 0.1))
+    monkeypatch.setattr(Referee, "select", lambda referee, policy: (next(shares), 0.1))
+    task = load_task("hold-disc")
+    budget = task.budget("smoke").model_copy(update={"patience": 0, "checkpoints": 4})
+    task = replace(task, file=task.file.model_copy(update={"budgets": {"smoke": budget}}))
+    measured = trial.measure(task, build_method(task, "flag"), build_agent(task, "dqn"), smoke())
+    assert [point.steps for point in measured.numbers.curve] == [4000, 8000]

@@ -16,7 +16,7 @@ from stlbench.records.result import CurvePoint, Result
 from stlbench.registry import plugins
 from stlbench.study.cell import Cell, Recipe
 from stlbench.study.study import Study
-from stlbench.study.tuning import Entrant, entrants, search
+from stlbench.study.tuning import Entrant, _candidates, entrants, search
 from stlbench.task import load_task
 
 Rule = Callable[[CellId], tuple[float, float] | str]
@@ -122,6 +122,13 @@ def test_values_of_hold_that_do_not_fit_are_left_out_and_the_task_s_own_is_there
     assert entrant.space["hold"] == (1, 5, 10, 20, 50)
     (entrant,) = entrants(study(tasks="formation", methods="raw"))
     assert entrant.space["hold"] == (5, 10)  # of 130 steps, with cuts at 50 and 90
+
+
+def test_values_may_be_texts_and_the_own_one_is_among_them() -> None:
+    task = load_task("robot-nav")
+    assert _candidates(task, "activation", ("relu", "tanh"), "elu") == ("elu", "relu", "tanh")
+    assert _candidates(task, "activation", ("tanh", "relu"), "relu") == ("tanh", "relu")
+    assert _candidates(task, "gamma", (0.8, 10, 9), 0.9) == (0.8, 0.9, 9, 10)
 
 
 def test_what_the_user_fixes_is_not_tuned() -> None:

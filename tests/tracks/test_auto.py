@@ -112,6 +112,7 @@ def test_exploring_begins_where_the_invariants_hold_unless_that_is_almost_nowher
     ("formula", "near"),
     [
         ("F[0,4] x >= 5 & F[2,6] G[0,1] x <= -5 & G[0,8] x <= 8", [(2, "x >= 5"), (7, "x <= -5")]),  # by their schedule
+        ("x >= 0 & F[5,8] x >= 5", [(8, "x >= 5")]),  # no action changes the first sample
         ("F[0,8] x >= 9.99", []),  # 2 of 4096 states
         ("G[0,8] x <= 5", []),
     ],
