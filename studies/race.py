@@ -81,10 +81,11 @@ def medians(seeds: Mapping[int, Mapping[str, Cell]]) -> Medians:
     races = [race for each in seeds.values() if (race := race_of(each)) is not None]
     names = [name for name in _PEERS if any(name in race.peers for race in races)]
     seconds = _median(Bound(race.seconds, "" if race.learned else ">") for race in races)
+    whole = _median(Bound(race.whole, "" if race.learned else ">") for race in races)
     times = [race.times for race in races if race.times is not None]
     return Medians(
         seconds=seconds.text(".0f"),
-        whole="" if seconds.sign else _median(Bound(race.whole) for race in races).text(".0f"),
+        whole="" if seconds.sign else whole.text(".0f"),
         peers={name: _of_peer([race.peers[name] for race in races if name in race.peers]) for name in names},
         times=_median(times).text(".2g") if times else "",
     )

@@ -61,11 +61,11 @@ def table(folder: str, name: str) -> list[Row]:
         return list(csv.DictReader(file))
 
 
-def cells(folder: str, track: str = "shared") -> dict[Key, list[Row]]:
-    """Those of each setting that learns, with the budget quick, however they ended."""
+def cells(folder: str, track: str = "shared", budget: str = "quick") -> dict[Key, list[Row]]:
+    """Those of each setting that learns, with a budget, however they ended."""
     found: dict[Key, list[Row]] = {}
     for row in table(folder, "cells"):
-        if row["track"] == track and row["budget"] == "quick" and not row["agent"].startswith(_PLANNING):
+        if row["track"] == track and row["budget"] == budget and not row["agent"].startswith(_PLANNING):
             found.setdefault((row["task"], row["method"], row["agent"]), []).append(row)
     return found
 
@@ -73,9 +73,9 @@ def cells(folder: str, track: str = "shared") -> dict[Key, list[Row]]:
 _PLANNING = ("planner", "best-possible")
 
 
-def recorded(folder: str, track: str = "shared") -> dict[Key, Seeds]:
+def recorded(folder: str, track: str = "shared", budget: str = "quick") -> dict[Key, Seeds]:
     """The finished seeds of each setting that learns, where there are any."""
-    done = {key: [row for row in rows if row["status"] == "done"] for key, rows in cells(folder, track).items()}
+    done = {key: [row for row in rows if row["status"] == "done"] for key, rows in cells(folder, track, budget).items()}
     return {key: Seeds.of(rows) for key, rows in done.items() if rows}
 
 

@@ -46,6 +46,7 @@ from suite_linear import optimum
 
 import stlbench_tasks.suite
 from stlbench.contract import ActionGrid, Array
+from stlbench.records import result_files
 from stlbench.registry.choices import Choice
 from stlbench.simulation import baselines
 from stlbench.task import Task
@@ -242,14 +243,18 @@ def _asked(candidate: Candidate) -> tuple[str, str]:
 
 
 def write(table: dict[str, Any], stored: dict[str, Array]) -> None:
-    """Write the table, a line for each task, and the witnesses."""
+    """Write the witnesses, and the table, a line for each task. An interrupt leaves each file as it was or as it is.
+
+    The witnesses come first, since a row of the table needs its own.
+    """
     pairs = {pair: ",\n".join(f"   {json.dumps(row)}" for row in rows) for pair, rows in table["accepted"].items()}
     accepted = ",\n".join(f'  "{pair}": [\n{rows}\n  ]' for pair, rows in pairs.items())
     refused = ",\n".join(f'  "{pair}": {json.dumps(counts)}' for pair, counts in table["refused"].items())
     short = json.dumps(table["short"])
     text = f'{{\n "accepted": {{\n{accepted}\n }},\n "refused": {{\n{refused}\n }},\n "short": {short}\n}}\n'
-    TABLE.write_text(text, encoding="utf-8")
-    np.savez_compressed(WITNESSES, **stored)  # type: ignore[arg-type]
+    with result_files.opened(WITNESSES) as file:
+        np.savez_compressed(file, **stored)  # type: ignore[arg-type]
+    result_files.write(TABLE, text)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
-# Robots on which people publish, five seeds of two methods on the track auto.
-# CPU time: 1 hour
+# Robots on which people publish, five seeds of two methods on the track auto; an ant by one method.
+# CPU time: 4 hours
 # Makes: robots
 stlbench run studies/robots.yaml
 stlbench report results/robots
 stlbench export results/robots --format jsonl
+stlbench run studies/robots-ant.yaml --methods raw
+stlbench report results/robots-ant
+stlbench export results/robots-ant --format jsonl
