@@ -29,6 +29,9 @@ UNBOUNDED = {"auto", "auto-ablation", "auto-field", "auto-survey"}
 """Folders with rows of before the values of `dqn` were bounded on that track."""
 BOUNDED = ("annulus", "hold-disc", "integrator-or", "overlap", "reach-stay", "robot-nav"), ("flag", "funnel", "raw")
 """Of the folder `auto`, the tasks and the methods that were trained again."""
+PLANNED = {"reference", "survey"}, {"planner", "best-possible"}
+"""Folders with rows of planners before their revision 2, which differs where a method ends or a margin has no value.
+No row here has either."""
 ALL = sorted({path.parent for path in RESULTS.glob(f"*/{LINES}*")})
 FOLDERS = [folder for folder in ALL if folder.name not in EARLIER]
 
@@ -43,6 +46,8 @@ def sample(folder: Path) -> list[dict[str, Any]]:
     known = [row for row in rows if plugins.known("methods", row["method"].partition("[")[0])]
     if folder.name in UNBOUNDED:
         known = [row for row in known if not row["agent"].startswith("dqn") or (folder.name == "auto" and again(row))]
+    if folder.name in PLANNED[0]:
+        known = [row for row in known if row["agent"].partition("[")[0] not in PLANNED[1]]
     now = [row for row in known if "random" in (row.get("measurement") or {"selected": "random"})["selected"]]
     return now[:: max(1, len(now) // SAMPLE)]
 

@@ -23,6 +23,15 @@ def test_medians_over_seeds_count_who_gave_up_as_longer_than_all_others() -> Non
     # 5, > 3 and 3: what is greater than 3 may be greater than 5
 
 
+def test_who_gave_up_takes_longer_than_all_others_also_with_its_certificate() -> None:
+    seeds = {
+        0: {"solve-3": line(100, True, 150)},
+        1: {"solve-3": line(200, True, 900)},
+        2: {"solve-3": line(500, False, 510)},
+    }
+    assert race.medians(seeds)[:2] == ("200", "900")
+
+
 def test_a_later_line_of_solve_goes_on_from_the_one_before() -> None:
     seeds = {0: {"solve-3": line(170, False, 180), "solve-9": line(100, True, 200), "PPO": line(560, True)}}
     assert race.medians(seeds) == ("280", "380", {"PPO": "560"}, "2")

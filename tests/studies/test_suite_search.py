@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -44,6 +46,27 @@ def test_it_goes_on_with_the_widest_gap(suite: ModuleType, monkeypatch: pytest.M
     suite.search_on(["all"], 3.0, table, own)
     assert [left for _, left in asked] == [2.0, 2.0, 1.0, 1.0]
     assert [title for title, _ in asked] == ["integrator/avoid-reach", "unicycle/reach"] * 2
+
+
+def test_an_interrupt_leaves_the_files_as_they_were(
+    suite: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    table, own = stored(suite)
+    monkeypatch.setattr(suite, "TABLE", tmp_path / "accepted.json")
+    monkeypatch.setattr(suite, "WITNESSES", tmp_path / "witnesses.npz")
+    suite.write(table, own)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert len(before) == 2
+
+    def interrupted(file: Any, **arrays: Array) -> None:
+        with file.open("wb") if isinstance(file, Path) else nullcontext(file) as opened:
+            opened.write(b"PK")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(suite.np, "savez_compressed", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        suite.write(table | {"short": ["unicycle/reach"]}, own)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_a_longer_search_takes_over_from_other_starts(suite: ModuleType) -> None:
