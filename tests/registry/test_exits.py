@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import pytest
 
@@ -72,6 +73,15 @@ def test_what_is_no_exception_is_one_too(site, text: str) -> None:
     assert problem.startswith("method 'zz' of acme 1.2 (zz_odd:One): ")
 
 
+@pytest.fixture
+def _interrupts() -> Iterator[None]:
+    """SIGINT interrupts, as in a shell in the foreground. A shell in the background has it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_interrupts")
 def test_an_interrupt_by_the_user_stays_one() -> None:
     with pytest.raises(KeyboardInterrupt), interrupts_raise():
         signal.raise_signal(signal.SIGINT)
