@@ -348,6 +348,8 @@ def _certificate_line(one: Certificate) -> str:
     if one.open:
         counts += f", violated from {one.violated}, open from {one.open} that ended early"
         what = "the probability that every continuation satisfies"
+    if one.held:
+        counts += f" ({one.held} only because the last sample stays after an early end)"
     interval = f"[{one.interval.low:.4f}, {one.interval.high:.4f}]"
     line = f"{one.actor.name}: satisfied from {counts}; "
     line += f"with confidence {plain(one.claim.confidence)} {what} is in {interval}"

@@ -20,8 +20,8 @@ from stlbench.errors import UsageError, cause
 from stlbench.records.array_files import Which
 from stlbench.records.result import Result
 from stlbench.simulation import baselines, referee
-from stlbench.simulation.referee import at_once
-from stlbench.simulation.verdicts import judge
+from stlbench.simulation.referee import Episodes, at_once
+from stlbench.simulation.verdicts import judge, rest_on_last
 from stlbench.study.policies import load_policy
 from stlbench.task import starts
 from stlbench.task.entry import Region
@@ -127,6 +127,7 @@ class Played(NamedTuple):
     robustness: Array  # (N,), of the task's formula; after an early end the least that any continuation has
     satisfied: Truth  # (N,): whether every continuation satisfies
     possible: Truth  # (N,): whether some continuation satisfies; of a complete episode the same as `satisfied`
+    held: Truth  # (N,): whether it satisfies only because the last sample stays after an early end
 
     @property
     def verdicts(self) -> Integers:
@@ -141,8 +142,8 @@ class Actor:
     name: str  # for messages: hold-disc/funnel/dqn/0
     label: tuple[str, ...]  # the parts of its files' names
     task: Task
-    record: Callable[[Array], Array]
-    """A function of starts (N, n), as the simulator resets to them, to traces (N, T + 1, k) of the task's signals."""
+    record: Callable[[Array], Episodes]
+    """A function of starts (N, n), as the simulator resets to them."""
 
     @property
     def rows(self) -> int:
@@ -153,19 +154,22 @@ class Actor:
         task = self.task
         try:
             with foreign(self.name):
-                traces = self.record(space_of(task).starts(points))
+                traces, lasted = self.record(space_of(task).starts(points))
             judged = judge(task.formula, traces, task.specification, task.file.terminated)
+            satisfied, possible = judged.satisfied.T
+            held = np.zeros(len(traces), dtype=np.bool_)
+            held[satisfied] = rest_on_last(task.formula, traces[satisfied], lasted[satisfied], task.signals)
         except Unsearchable:
             raise
         except (UsageError, stl.UndefinedError) as error:
             raise Unsearchable(f"{self.name} cannot be tried: {error}") from error
-        return Played(traces, judged.robustness[:, 0], judged.satisfied[:, 0], judged.satisfied[:, 1])
+        return Played(traces, judged.robustness[:, 0], satisfied, possible, held)
 
 
 def of_policy(
     name: str, label: tuple[str, ...], task: Task, method: RewardMethod, policy: Policy | StatePolicy
 ) -> Actor:
-    return Actor(name, label, task, lambda starts: referee.record(task, method, policy, starts).traces)
+    return Actor(name, label, task, lambda starts: referee.record(task, method, policy, starts))
 
 
 def of_cell(folder: Path, result: Result, which: Which = "selected") -> Actor:
@@ -180,10 +184,10 @@ def of_cell(folder: Path, result: Result, which: Which = "selected") -> Actor:
 def of_controller(task: Task) -> Actor:
     name = f"{task.name}, by hand"
 
-    def record(states: Array) -> Array:
+    def record(states: Array) -> Episodes:
         episodes = baselines.record_controller(task, states)
         assert episodes is not None
-        return episodes.traces
+        return episodes
 
     with foreign(name):
         first = baselines.record_controller(task, task.starts.report_and_selection()[0][:1])

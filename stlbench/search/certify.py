@@ -68,6 +68,7 @@ class Certificate:
     open: int  # episodes that ended early with an open verdict: some continuations satisfy
     interval: Interval
     cpu_seconds: float
+    held: int = 0  # of the satisfied episodes, those that are so only because the last sample stays after an early end
 
     @property
     def violated(self) -> int:
@@ -84,6 +85,7 @@ class Certificate:
             "satisfied": self.satisfied,
             "violated": self.violated,
             "open": self.open,
+            "held": self.held,
             "probability": self.satisfied / self.starts,
             "low": self.interval.low,
             "high": self.interval.high,
@@ -135,19 +137,20 @@ def certify(
         raise Unsearchable(f"task {actor.task.name} has a single start; `stlbench falsify` says whether it satisfies")
     began, most = time.process_time(), claim.most
     generator = np.random.default_rng(derive_seed("certify", actor.task.choice.name, claim.seed))
-    starts = satisfied = open_ = 0
+    starts = satisfied = open_ = held = 0
     interval = Interval(0.0, 1.0)
     while starts < most and not (claim.sequential and _decided(claim, interval)):
         count = min(max(_FIRST, starts), most - starts, actor.rows)
         played = actor.play(space.draw(generator, count))
         satisfied += int(played.satisfied.sum())
         open_ += int((played.possible & ~played.satisfied).sum())
+        held += int(played.held.sum())
         starts += count
         interval = share_sequence(satisfied, starts, claim.confidence)  # it holds however often somebody looks
         progress(starts, satisfied)
     if not claim.sequential:  # nobody looked before the end, so the narrower exact interval holds
         interval = share_interval(satisfied, starts, claim.confidence) or interval
-    return Certificate(actor, claim, starts, satisfied, open_, interval, time.process_time() - began)
+    return Certificate(actor, claim, starts, satisfied, open_, interval, time.process_time() - began, held)
 
 
 def _decided(claim: Claim, interval: Interval) -> bool:

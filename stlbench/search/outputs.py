@@ -42,17 +42,20 @@ def certificates(results: Sequence[Certificate]) -> Table:
         Column("starts"): lambda one: one.starts,
         Column("satisfied"): lambda one: one.satisfied,
         Column("open"): lambda one: one.open,
+        Column("held"): lambda one: one.held,
         Column("probability", digits=4): lambda one: one.satisfied / one.starts,
         Column("interval", digits=4, kind=Interval): lambda one: one.interval,
         Column("claim", right=False, shared=True): lambda one: one.claim.text,
         Column("verdict", right=False): lambda one: one.verdict,
         Column("CPU", unit="s", digits=1): lambda one: one.cpu_seconds,
     }
-    if any(one.open for one in results):
-        note = "The probability is of satisfaction by every continuation: open verdicts do not count."
-        return Table.of("Certificates", results, columns, (note,))
-    shown = {column: value for column, value in columns.items() if column.title != "open"}
-    return Table.of("Certificates", results, shown)
+    notes = {
+        "open": "The probability is of satisfaction by every continuation: open verdicts do not count.",
+        "held": "`held` satisfy only because the last sample stays after the environment ended the episode.",
+    }
+    used = {title for title in notes if any(getattr(one, title) for one in results)}
+    shown = {column: value for column, value in columns.items() if column.title in used or column.title not in notes}
+    return Table.of("Certificates", results, shown, tuple(notes[title] for title in notes if title in used))
 
 
 def write(result: Falsification, folder: Path) -> list[Path]:

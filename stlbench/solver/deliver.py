@@ -284,7 +284,9 @@ def sentence(facts: Mapping[str, Any]) -> str:
     counted = f"{facts['satisfied']} of {facts['starts']} fresh starts"
     share = f"{100 * np.floor(1e3 * facts['low']) / 1e3:.1f} %"  # rounded down, as a claim must not exceed its proof
     confidence = f"{100 * facts['confidence']:.15g} % confidence"  # all digits: 99.99999 % is not 100 %
-    return f"It satisfies from at least {share} of the starts, {confidence} ({counted})."
+    said = f"It satisfies from at least {share} of the starts, {confidence} ({counted})."
+    held = facts.get("held")
+    return f"{said} {held} of these rest on the last sample, which stays after an early end." if held else said
 
 
 def _environment(task: Task, problem: Problem) -> str:

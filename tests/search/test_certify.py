@@ -8,7 +8,9 @@ from helpers.made_subjects import ending, still, watched
 from scipy import stats
 
 from stlbench.errors import UsageError
+from stlbench.report.tables.table import to_records
 from stlbench.search.certify import Claim, certify
+from stlbench.search.outputs import certificates
 from stlbench.study.cell import derive_seed
 from stlbench.task import starts
 
@@ -75,6 +77,27 @@ def test_open_verdicts_are_counted_apart() -> None:
     assert found.open == pytest.approx(200, abs=60)
     assert found.interval.low < 0.7 < found.interval.high
     assert certify(still(NINE_TENTHS), Claim(starts=1000)).open == 0
+
+
+def test_what_rests_on_the_last_sample_is_counted_apart() -> None:
+    """a is uniform in [-1, 0] and stays: it satisfies below -0.1, and of this what ends early above -0.3 is held."""
+    cut = ending(still(NINE_TENTHS, terminated="hold"), 3, beyond=-0.3, stays=True)
+    found = certify(cut, Claim(starts=1000))
+    assert (found.open, found.satisfied) == (0, pytest.approx(900, abs=40))
+    assert found.held == pytest.approx(200, abs=60)
+    assert found.facts["held"] == found.held
+    (row,) = to_records(certificates([found]))
+    assert row["held"] == found.held
+    assert "open" not in row
+
+
+def test_what_is_decided_before_an_early_end_is_not_held() -> None:
+    """F is satisfied by the first sample, whatever follows; G[0,3] is decided at step 3."""
+    for formula in ("F[0,8] a <= 1", "G[0,3] a <= 1"):
+        cut = ending(still(formula, terminated="hold"), 3, stays=True)
+        found = certify(cut, Claim(starts=20))
+        assert (found.satisfied, found.held) == (20, 0), formula
+    assert certify(ending(still("G[0,4] a <= 1", terminated="hold"), 3, stays=True), Claim(starts=20)).held == 20
 
 
 def test_what_counts_as_violated_is_not_open() -> None:

@@ -14,6 +14,7 @@ from stlbench.errors import UsageError
 from stlbench.search.actor import Actor, of_controller, of_policy
 from stlbench.search.falsify import How, falsify
 from stlbench.search.optimisers import OPTIMISERS
+from stlbench.simulation.referee import Episodes
 
 GLOBAL = [name for name in OPTIMISERS if name != "random"]
 
@@ -139,9 +140,10 @@ def test_many_rows_are_simulated_in_parts() -> None:
     sizes = list[int]()
     actor = still("G[0,2000000] a <= 9", steps=2_000_000)
 
-    def record(starts: Array) -> Array:
+    def record(starts: Array) -> Episodes:
         sizes.append(len(starts))
-        return np.broadcast_to(starts[:, None], (len(starts), 2_000_001, 2))
+        traces = np.broadcast_to(starts[:, None], (len(starts), 2_000_001, 2))
+        return Episodes(traces, np.full(len(starts), 2_000_000))
 
     small: Actor = replace(actor, record=record)
     assert small.rows == 1

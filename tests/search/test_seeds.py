@@ -60,7 +60,7 @@ def test_a_counterexample_is_a_seed_that_plays_the_same_again(pushed: Actor) -> 
     assert (found.how.optimiser, found.found, found.first) == ("random", True, 1)
     assert found.start_text(4) == f"seed = {int(found.start['seed'])}"
     again = pushed.record(np.array([[found.start["seed"]]]))
-    assert np.array_equal(again[0], found.worst.trace, equal_nan=True)
+    assert np.array_equal(again.traces[0], found.worst.trace, equal_nan=True)
 
 
 def test_an_early_end_is_what_failed(pushed: Actor, tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def test_numbers() -> None:
     }
     assert made.facts == {
         **{"certified": "still", "confidence": 0.9, "starts": 8, "satisfied": 5, "violated": 1, "open": 2},
-        **{"probability": 0.625, "low": 0.3, "high": 0.8, "at_least": 0.25, "verdict": "shown", "seed": 0},
+        **{"held": 0, "probability": 0.625, "low": 0.3, "high": 0.8, "at_least": 0.25, "verdict": "shown", "seed": 0},
         "cpu_seconds": 6.5,
     }
 

@@ -118,6 +118,13 @@ def test_a_confidence_is_not_rounded_to_certainty() -> None:
     assert ", 57 % confidence" in sentence(facts | {"confidence": 0.57})
 
 
+def test_what_rests_on_the_last_sample_is_said() -> None:
+    facts = {"low": 0.99, "satisfied": 1000, "starts": 1000, "confidence": 0.95}
+    assert "last sample" not in sentence(facts)
+    assert "last sample" not in sentence(facts | {"held": 0})
+    assert sentence(facts | {"held": 7}).endswith("7 of these rest on the last sample, which stays after an early end.")
+
+
 def test_a_certificate_names_the_task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     home = tmp_path / "my-line"
     home.mkdir()
