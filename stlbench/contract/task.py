@@ -194,7 +194,7 @@ class Suite(ABC):
 
     The same name gives the same task for ever; tasks that differ belong to a suite of another name. A user writes
     `suite:unicycle/sequence/3`, with the suite's own name before the colon. In results the task has the name
-    `suite-unicycle-sequence-7`.
+    `suite-unicycle-sequence-3`.
     """
 
     @property

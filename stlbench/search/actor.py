@@ -21,7 +21,7 @@ from stlbench.records.array_files import Which
 from stlbench.records.result import Result
 from stlbench.simulation import baselines, referee
 from stlbench.simulation.referee import Episodes, at_once
-from stlbench.simulation.verdicts import judge, rest_on_last
+from stlbench.simulation.verdicts import judge
 from stlbench.study.policies import load_policy
 from stlbench.task import starts
 from stlbench.task.entry import Region
@@ -127,7 +127,7 @@ class Played(NamedTuple):
     robustness: Array  # (N,), of the task's formula; after an early end the least that any continuation has
     satisfied: Truth  # (N,): whether every continuation satisfies
     possible: Truth  # (N,): whether some continuation satisfies; of a complete episode the same as `satisfied`
-    held: Truth  # (N,): whether it satisfies only because the last sample stays after an early end
+    lasted: Integers  # (N,): as that of `Episodes`
 
     @property
     def verdicts(self) -> Integers:
@@ -156,14 +156,11 @@ class Actor:
             with foreign(self.name):
                 traces, lasted = self.record(space_of(task).starts(points))
             judged = judge(task.formula, traces, task.specification, task.file.terminated)
-            satisfied, possible = judged.satisfied.T
-            held = np.zeros(len(traces), dtype=np.bool_)
-            held[satisfied] = rest_on_last(task.formula, traces[satisfied], lasted[satisfied], task.signals)
         except Unsearchable:
             raise
         except (UsageError, stl.UndefinedError) as error:
             raise Unsearchable(f"{self.name} cannot be tried: {error}") from error
-        return Played(traces, judged.robustness[:, 0], satisfied, possible, held)
+        return Played(traces, judged.robustness[:, 0], judged.satisfied[:, 0], judged.satisfied[:, 1], lasted)
 
 
 def of_policy(

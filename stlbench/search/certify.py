@@ -10,9 +10,11 @@ from typing import Literal
 import numpy as np
 
 from stlbench.errors import UsageError
-from stlbench.search.actor import Actor, Unsearchable, space_of
+from stlbench.search.actor import Actor, Played, Unsearchable, space_of
+from stlbench.simulation.verdicts import judge, without_end
 from stlbench.statistics.intervals import Interval, share_interval, share_sequence
 from stlbench.study.cell import derive_seed
+from stlbench.task.task import Task
 
 STARTS = 1000  # default number of starts without a rule to stop
 MOST = 100_000  # starts after which a sequential test stops undecided
@@ -144,13 +146,20 @@ def certify(
         played = actor.play(space.draw(generator, count))
         satisfied += int(played.satisfied.sum())
         open_ += int((played.possible & ~played.satisfied).sum())
-        held += int(played.held.sum())
+        held += _held(actor.task, played)
         starts += count
         interval = share_sequence(satisfied, starts, claim.confidence)  # it holds however often somebody looks
         progress(starts, satisfied)
     if not claim.sequential:  # nobody looked before the end, so the narrower exact interval holds
         interval = share_interval(satisfied, starts, claim.confidence) or interval
     return Certificate(actor, claim, starts, satisfied, open_, interval, time.process_time() - began, held)
+
+
+def _held(task: Task, played: Played) -> int:
+    """The satisfied episodes whose verdict would be open if the last sample did not stay after an early end."""
+    early = played.satisfied & (played.lasted < task.file.steps)
+    traces = without_end(played.traces[early], played.lasted[early])
+    return int((~judge(task.formula, traces, task.specification, "interval").satisfied[:, 0]).sum())
 
 
 def _decided(claim: Claim, interval: Interval) -> bool:

@@ -58,18 +58,6 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
     return Verdicts(robustness, satisfied)
 
 
-def rest_on_last(formula: stl.Formula, traces: Array, lasted: Integers, names: tuple[str, ...]) -> Truth:
-    """Which of satisfying traces (N, T + 1, k) do so only because the last sample stays after an early end: (N,).
-
-    At step `lasted` (N,), the last before the end, some continuation still violates.
-    """
-    rest: Truth = np.zeros(len(traces), dtype=np.bool_)
-    for last in np.unique(lasted[lasted < stl.horizon(formula)]):
-        alike = lasted == last
-        rest[alike] = ~stl.satisfaction_bounds(formula, traces[alike, : last + 1], names)[0]
-    return rest
-
-
 def last_steps(traces: Array) -> Integers:
     """The last row of each of traces (N, T + 1, k) that is not NaN in all signals, (N,): T, but after early ends."""
     missing: Truth = np.logical_and.reduce(np.isnan(traces), axis=2)
