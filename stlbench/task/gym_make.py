@@ -9,7 +9,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -178,6 +178,12 @@ def without_display() -> None:
         os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # else SDL complains of it
 
 
+def without_notices() -> None:
+    """Drop the notices that Farama's libraries print when they are imported: of rewards, which nothing here uses."""
+    with suppress(ImportError):
+        import_module("farama_notifications").notifications.clear()
+
+
 def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium") -> Gym:
     """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0", without its time limit.
 
@@ -185,6 +191,7 @@ def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium") -
     Raises `UsageError`: an unknown id, a library that is missing, keywords that the environment does not take.
     """
     without_display()
+    without_notices()
     module, _, name = identifier.rpartition(":")
     try:
         if api == "pettingzoo":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 import types
 from importlib.metadata import version
@@ -26,6 +27,12 @@ def test_an_engine_counts_that_a_library_needs_whose_modules_do_not_import_it() 
     found = dict(software(made("shimmy:dm_control/cartpole-balance-v0", {})))
     assert found["mujoco"] == version("mujoco")
     assert found["dm_control"] == version("dm_control")
+
+
+def test_a_library_prints_no_notices_when_an_environment_is_made() -> None:
+    code = "from stlbench.task.gym_make import made; made('gymnasium_robotics:AdroitHandDoor-v1', {})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603
+    assert "reward functions were updated" not in done.stdout + done.stderr
 
 
 def test_there_is_no_time_limit() -> None:
