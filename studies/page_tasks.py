@@ -22,17 +22,21 @@ def auto_field() -> str:
 
 def robots() -> str:
     """One row per robot on which people publish: what each method learns, and what TGPO has on its own formulas."""
-    studies, methods = (("robots", "quick"), ("robots-ant", "paper")), ("funnel", "raw")
+    methods = ("funnel", "raw")
     found = {
-        key[:2]: seeds for name, budget in studies for key, seeds in recorded.recorded(name, "auto", budget).items()
+        (task, label, method): seeds
+        for (name, budget), label in _ROBOTS.items()
+        for (task, method, *_), seeds in recorded.recorded(name, "auto", budget).items()
     }
     body = [
-        [f"`{task}`", *(_shares(found.get((task, method))) for method in methods), TGPO.get(task, "")]
-        for task in dict.fromkeys(task for task, _ in found)
+        [f"`{task}`{label}", *(_shares(found.get((task, label, method))) for method in methods), TGPO.get(task, "")]
+        for task, label in dict.fromkeys((task, label) for task, label, _ in found)
     ]
     return markdown(["task", *(f"`{method}`" for method in methods), "TGPO, best baseline"], body)
 
 
+_ROBOTS = {("robots", "quick"): "", ("robots-patrol", "paper"): ", four times the steps", ("robots-ant", "paper"): ""}
+"""Study and budget -> what its rows say beside the task."""
 TGPO = {
     "ant-goals": "61, 24 %",
     "linear-chain": "86, 83 %",
@@ -46,11 +50,15 @@ arXiv 2510.00225."""
 
 
 def _shares(of: recorded.Seeds | None) -> str:
-    """ "99 %; 5, 4": mean share of starts; seeds that learned with selected and with final policies."""
+    """ "99 %; 5, 4": mean share of starts; seeds that learned with selected and with final policies, of five."""
     if of is None:
         return ""
-    selected, final = of.learned
-    return f"{100 * fmean(of.satisfaction):.0f} %; {selected}, {final}"
+    (selected, final), count = of.learned, len(of.satisfaction)
+    return f"{100 * fmean(of.satisfaction):.0f} %; {selected}, {final}" + (f" of {count}" if count != _FIVE else "")
+
+
+_FIVE = 5
+"""Seeds of a study of robots."""
 
 
 def _by_rules(folder: str, methods: tuple[str, ...]) -> str:

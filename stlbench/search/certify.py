@@ -114,7 +114,7 @@ def plain(number: float) -> str:
 def check(claim: Claim) -> None:
     shares = {"confidence": claim.confidence, "probability": claim.at_least, "width": claim.width}
     for name, value in shares.items():
-        if value is not None and not 0 < value < 1:
+        if value is not None and not (isinstance(value, int | float) and 0 < value < 1):
             raise UsageError(f"a {name} is between 0 and 1, got {plain(value)}")
     if claim.at_least is not None and claim.width is not None:
         raise UsageError("a test stops by a probability that is claimed, or by the interval's width, not by both")

@@ -81,10 +81,10 @@ def solve(
     for name, value, known in (("time", time, _TIMES), ("terminated", terminated, get_args(EarlyEnd))):
         if value is not None and value not in known:
             raise UsageError(f"{name}: unknown {value!r}{did_you_mean(str(value), known)}")
-    if not 0 < minutes < math.inf:
-        raise UsageError(f"minutes should be more than 0 and finite, got {minutes:g}")
+    if not isinstance(minutes, int | float) or not 0 < minutes < math.inf:
+        raise UsageError(f"minutes should be more than 0 and finite, got {_shown(minutes)}")
     if not isinstance(seed, int) or seed not in range(_TRIES):
-        raise UsageError(f"seed should be a whole number from 0 to {_TRIES - 1}, got {one_line(repr(seed))}")
+        raise UsageError(f"seed should be a whole number from 0 to {_TRIES - 1}, got {_shown(seed)}")
     identifier, keywords = _identified(environment)
     if ":" in identifier:
         from_here()
@@ -128,6 +128,10 @@ def solve(
     return solution
 
 
+def _shown(value: object) -> str:
+    return one_line(f"{value:g}" if isinstance(value, int | float) else repr(value))
+
+
 def _folder(problem: Problem) -> Path:
     """The folder of this problem in `solved`, or the first that is free."""
     name = re.sub(r"[^a-z0-9]+", "-", problem.environment.lower()).strip("-") or "task"
@@ -138,7 +142,7 @@ def _folder(problem: Problem) -> Path:
 def _named(signals: Mapping[str, str | int] | None) -> Mapping[str, str | int]:
     """The signals, checked."""
     if not isinstance(signals or {}, Mapping):
-        raise UsageError(f'signals should be a dict, {{"theta": "atan2(y, x)"}}, got {one_line(repr(signals))}')
+        raise UsageError(f'signals should be a dict, {{"theta": "atan2(y, x)"}}, got {_shown(signals)}')
     for name, text in (signals or {}).items():
         if not isinstance(text, str | int):
             raise UsageError(f"signal {name} should be an expression, or the number of an entry, got {one_line(text)}")
@@ -151,7 +155,7 @@ def _identified(environment: str | gymnasium.Env[Any, Any]) -> tuple[str, dict[s
         return environment, {}
     rule = "trainings make it anew: register it in a module, and name it 'my_module:Mine-v0'"
     if not isinstance(environment, gymnasium.Env):
-        raise UsageError(f"environment should be an id or an environment, got {one_line(repr(environment))}; {rule}")
+        raise UsageError(f"environment should be an id or an environment, got {_shown(environment)}; {rule}")
     spec, kind = environment.spec, type(environment.unwrapped)
     if spec is None or kind.__module__ == "__main__":
         raise UsageError(f"{kind.__name__} has no id by which it can be made; {rule}")

@@ -16,6 +16,7 @@ from queue import SimpleQueue
 from typing import Protocol, Self, runtime_checkable
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, cause
+from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId
 from stlbench.records.result import SCHEMA, Result
 from stlbench.records.result_files import inside
@@ -87,7 +88,10 @@ class _Calling(Silent):
 
 @contextmanager
 def listening(wanted: Listener | Callback | bool | None) -> Iterator[Listener]:
-    """Who hears of a study: a line for each cell, a caller's object or function, or nobody."""
+    """Who hears of a study: a line for each cell, a caller's object or function, or nobody.
+
+    Raises `UsageError` for anything else.
+    """
     if wanted is True:
         from stlbench.study.progress import Progress
 
@@ -95,8 +99,12 @@ def listening(wanted: Listener | Callback | bool | None) -> Iterator[Listener]:
             yield lines
     elif isinstance(wanted, Listener):
         yield wanted
+    elif wanted is None or wanted is False:
+        yield Silent()
+    elif callable(wanted):
+        yield _Calling(wanted)
     else:
-        yield _Calling(wanted) if wanted else Silent()
+        raise UsageError(f"progress should be True, a function or a `Listener`, got {one_line(repr(wanted))}")
 
 
 class _Thread:

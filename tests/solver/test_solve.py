@@ -120,6 +120,8 @@ def test_a_formula_that_cannot_be_read_has_a_caret_below_the_place() -> None:
             {"signals": {"z": 1.5}},
             "signal z should be an expression, or the number of an entry, got 1.5",
         ),
+        ("CartPole-v1", {"minutes": "3"}, "minutes should be more than 0 and finite, got '3'"),
+        ("CartPole-v1", {"confidence": "high"}, "a confidence is between 0 and 1, got 'high'"),
         ("CartPole-v1", {"time": "hours"}, "time: unknown 'hours'; there are: seconds, steps"),
         ("CartPole-v1", {"terminated": "violate"}, "terminated: unknown 'violate'; did you mean 'violated'"),
     ],

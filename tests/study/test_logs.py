@@ -15,7 +15,7 @@ from stlbench.records.identity import CellId
 from stlbench.registry.choices import parse_choice
 from stlbench.study import logs
 from stlbench.study.logs import Logged, build_logs, logged
-from stlbench.study.run import run_missing
+from stlbench.study.run import run_missing, run_study
 from stlbench.study.study import Study
 
 
@@ -121,3 +121,8 @@ def test_a_study_names_its_logs_and_an_unknown_one_is_one_line(tmp_path: Path) -
         run_missing(Study.of({"log": "tensorbord"}, study))
     with pytest.raises(UsageError, match="mode"):
         build_logs([parse_choice("wandb[mode=never]")])
+
+
+def test_progress_of_another_type_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="progress should be True, a function or a `Listener`, got 3"):
+        run_study(tasks=["hold-disc"], methods=["raw"], results=tmp_path, progress=3)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ outside start..stop of an operator are carried along and do not change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
@@ -53,7 +53,7 @@ class BatchMonitor:
     G, F, G F, F G and until over formulas without temporal operators cost a fixed number of NumPy calls per step. Other
     formulas that cost `Monitor` constant work cost as much for each trace here; where there are many traces and short
     windows, they are evaluated anew at each step, once for all traces of one age, and so is the rest. `copy.deepcopy`
-    forks it.
+    forks it, `pickle` stores it.
 
     Raises:
         UnknownSignalError: the formula uses a signal that is not in `names`.
@@ -298,12 +298,20 @@ class Streamed(Operator):
         (leaf,) = Tree(formula, names, one()).leaves
         if not isinstance(leaf, OneStreamed) or (count > MANY and Unfolding(formula, names).window <= NARROW):
             raise UnsupportedError
-        self._begin, self._step, _ = program(formula, names)
+        self._of = formula, names
+        self._begin, self._step, _ = program(*self._of)
         self.states = [State() for _ in range(count)]
         for state in self.states:
             self._begin(state)
         super().__init__(count, 0, leaf.stop, self._ends(self.states[0]), negated)
-        self.parts = [(_value(psi, names, False), *span) for psi, span in leaf.spans.items()]
+        self.parts = [(_Value(psi, names, False), *span) for psi, span in leaf.spans.items()]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in ("_begin", "_step")}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+        self._begin, self._step, _ = program(*self._of)  # functions that are made cannot be pickled
 
     def _ends(self, state: State) -> Ends:
         return state.lower0, state.upper0  # type: ignore[attr-defined]  # of operator 0
@@ -361,20 +369,27 @@ class Replayed(Operator):
 
 def many(count: int) -> Kit[Operator]:
     kinds = [partial(kind, count) for kind in (Until, Nested, Streamed, Replayed)]
-    return Kit(np.minimum.reduce, np.maximum.reduce, _value, *kinds)
+    return Kit(np.minimum.reduce, np.maximum.reduce, _Value, *kinds)
 
 
-def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Callable[[Floats, Mask], Floats]:
-    """(samples (n, k), the traces that must have a value) -> signed margins (n,)."""
-    compiled = compile_arrays(psi, names, "signed", negated)
-    if not callable(compiled):
-        return lambda samples, needed: np.full(len(samples), compiled)
+class _Value:
+    """(samples (n, k), the traces that must have a value) -> signed margins (n,). Code is made anew from a pickle."""
 
-    def run(samples: Floats, needed: Mask) -> Floats:
-        values, wrong = evaluated(compiled, psi, names, samples)
+    def __init__(self, psi: Formula, names: tuple[str, ...], negated: bool) -> None:
+        self._of, self._compiled = (psi, names, negated), compile_arrays(psi, names, "signed", negated)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Value, self._of
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Value:
+        return self
+
+    def __call__(self, samples: Floats, needed: Mask) -> Floats:
+        if not callable(self._compiled):
+            return np.full(len(samples), self._compiled)
+        psi, names, _ = self._of
+        values, wrong = evaluated(self._compiled, psi, names, samples)
         if wrong is not None and (wrong & needed).any():
             trace = int((wrong & needed).argmax())
             raise UndefinedError(cause(psi, names, samples[trace]), trace=trace)
         return values
-
-    return run

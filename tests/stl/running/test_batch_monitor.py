@@ -127,3 +127,24 @@ def test_shape_names_and_count_are_checked() -> None:
         stl.BatchMonitor(stl.parse("y >= 0"), ["x"], 2)
     with pytest.raises(ValueError, match="at least 1"):
         stl.BatchMonitor(stl.parse("x >= 0"), ["x"], 0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "F[0,3] x >= 0",
+        "F[0,3] 1 >= 0",
+        "G[0,2] (x > 0 -> F[0,3] x > 1)",
+        "x > 0 U[0,3] x > 1",
+        "G[0,2] F[0,2] (x >= 0 U[0,3] x >= 1)",
+        "G (x >= 0 -> O[0,2] x <= -1)",
+        "G (x >= 0 S[0,2] x <= -1)",
+    ],
+)
+def test_a_pickled_batch_goes_on(text: str) -> None:
+    monitor = stl.BatchMonitor(stl.parse(text), ["x"], 3)
+    for samples in np.random.default_rng(0).normal(size=(6, 3, 1)):
+        stored = pickle.loads(pickle.dumps(monitor))
+        for end, other in zip(stored.update(samples), monitor.update(samples), strict=True):
+            np.testing.assert_array_equal(end, other)
+        monitor.restart([1])
