@@ -53,7 +53,6 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "suite-schedules": page_schedules.table,
         "suite-quick": page_schedules.quick,
         "suite-core": lambda: page_suite.methods("suite-core"),
-        "suite-corrected": paired.corrected,
         "suite-fresh": paired.stated,
         "suite-fresh-earlier": lambda: paired.stated("suite-fresh-earlier"),
         "suite-sources": suite_answers.components,

@@ -18,7 +18,7 @@ from recorded import markdown
 from stlbench.records.result import LEARNED
 from stlbench.statistics import across
 from stlbench.statistics.across import Estimate
-from stlbench.statistics.differences import ALPHA, holm
+from stlbench.statistics.differences import holm
 
 Runs = Mapping[str, Mapping[str, Sequence[float]]]
 """Method -> task -> a number for each seed."""
@@ -60,11 +60,11 @@ def compared(runs: Runs, one: str, other: str) -> Paired:
     return Paired([(own, runs[other][task]) for task, own in runs[one].items() if task in runs[other]])
 
 
-def runs(folder: str, column: str = "score", template: str | None = None) -> Runs:
-    """The score of a folder's finished cells, or whether each `learned`; for one template, or for all."""
+def runs(folder: str, column: str = "score") -> Runs:
+    """The score of a folder's finished cells, or whether each `learned`."""
     found = defaultdict[str, dict[str, list[float]]](dict)
     for row in recorded.table(folder, "cells"):
-        if row["status"] == "done" and template in (None, row["template"]):
+        if row["status"] == "done":
             score = recorded.scored(row["task"], float(row["robustness_mean"]))
             value = score if column == "score" else float(float(row["satisfaction"]) >= LEARNED)
             found[row["method"]].setdefault(row["task"], []).append(value)
@@ -86,19 +86,6 @@ def stated(folder: str = "suite-fresh") -> str:
         for (one, other), each, chance in zip(STATED, found, holm([each.chance for each in found]), strict=True)
     ]
     return markdown(["new and hard tasks", "tasks", "score", "share learned", "p, Holm"], body, right=4)
-
-
-def corrected(folder: str = "suite-core", other: str = "raw") -> str:
-    """One row per difference from a method that Holm's correction leaves, of all that have an interval on the page."""
-    named = dict[str, Paired]()
-    for template in (*dict.fromkeys(row["template"] for row in recorded.table(folder, "cells")), None):
-        own = runs(folder, template=template)
-        for method in (method for method in own if {method, other} <= {*own} and method != other):
-            named[f"`{method}`, {f'`{template}`' if template else 'all'}"] = compared(own, method, other)
-    many = {name: each for name, each in named.items() if len(each.pairs) >= across.FEWEST}
-    chances = zip(many, holm([each.chance for each in many.values()]), strict=True)
-    body = [[name, _p(chance)] for name, chance in chances if chance < ALPHA]
-    return markdown([f"{len(body)} of {len(many)}, less `{other}`", "p, Holm"], body, right=1)
 
 
 def _p(chance: float) -> str:
