@@ -27,7 +27,7 @@ from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_make import blaming
 
-_TIMES = ("steps", "seconds")
+_WORDS: Mapping[str, tuple[str, ...]] = {"time": ("steps", "seconds"), "terminated": get_args(EarlyEnd)}
 _TRIES = 10
 """The number of tries: each has 1000 of the 10,000 seeds that a study may have."""
 _SAID = {"satisfied", "starts", "low", "confidence", "probability"}
@@ -78,13 +78,7 @@ def solve(
         UsageError: in one line, what is wrong with the environment, the formula, a signal, the folder or the time.
     """
     check(Claim(confidence))
-    for name, value, known in (("time", time, _TIMES), ("terminated", terminated, get_args(EarlyEnd))):
-        if value is not None and value not in known:
-            raise UsageError(f"{name}: unknown {value!r}{did_you_mean(str(value), known)}")
-    if not isinstance(minutes, int | float) or not 0 < minutes < math.inf:
-        raise UsageError(f"minutes should be more than 0 and finite, got {_shown(minutes)}")
-    if not isinstance(seed, int) or seed not in range(_TRIES):
-        raise UsageError(f"seed should be a whole number from 0 to {_TRIES - 1}, got {_shown(seed)}")
+    _check(minutes, seed, time=time, terminated=terminated)
     identifier, keywords = _identified(environment)
     if ":" in identifier:
         from_here()
@@ -126,6 +120,16 @@ def solve(
     solution = Solution.load(folder, run_code=True)  # the task is the user's own
     note(sentence(solution.certificate))
     return solution
+
+
+def _check(minutes: float, seed: int, **words: str | None) -> None:
+    for name, value in words.items():
+        if value is not None and value not in _WORDS[name]:
+            raise UsageError(f"{name}: unknown {value!r}{did_you_mean(str(value), _WORDS[name])}")
+    if not isinstance(minutes, int | float) or not 0 < minutes < math.inf:
+        raise UsageError(f"minutes should be more than 0 and finite, got {_shown(minutes)}")
+    if not isinstance(seed, int) or seed not in range(_TRIES):
+        raise UsageError(f"seed should be a whole number from 0 to {_TRIES - 1}, got {_shown(seed)}")
 
 
 def _shown(value: object) -> str:
