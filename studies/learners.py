@@ -3,8 +3,8 @@
 python studies/learners.py TASK SEED [LEARNER ...]    measure those without a row, each in a process of its own
 
 All train on the task's derived form of the track `auto` by the reward `raw`, with the recipe of their class. `sbx-td3`
-and `sbx-sac` are the same algorithms in JAX, by SBX (pip install sbx-rl); the seconds of JAX's compiler count. Checks
-do not count. Set OMP_NUM_THREADS=1, and pin the process to one core. Rows are in results/learners.csv.
+and `sbx-sac` are the same algorithms in JAX, by SBX (pip install sbx-rl). A short training before compiles all code.
+Checks do not count. Set OMP_NUM_THREADS=1, and pin the process to one core. Rows are in results/learners.csv.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LEARNERS = (
 )
 WANTED, LIMIT, LOOKS = 0.95, 300.0, 250
 """The share of the starts, the CPU seconds of a learner, and its checks in a million steps."""
-STEPS = 1_000_000
+STEPS, WARM = 1_000_000, 4000
 
 
 class _Jax(SB3Agent):
@@ -82,7 +82,7 @@ def measured(name: str, learner: str, seed: int) -> dict[str, Any]:
     own = {"sbx-td3": (JaxTD3, "sb3-td3"), "sbx-sac": (JaxSAC, "sb3-sac")}
     kind, named = own.get(learner, (None, learner))
     task = automatic(load_task(name), named.partition("[")[0])
-    began, paused, shares = time.process_time(), 0.0, list[tuple[float, float, int]]()
+    paused, shares = 0.0, list[tuple[float, float, int]]()
     method = build_method(task, "raw")
     agent: Agent = build_agent(task, named) if kind is None else kind(**_numbers(recipe(named, task)))
     referee = Referee(task, method)
@@ -96,6 +96,8 @@ def measured(name: str, learner: str, seed: int) -> dict[str, Any]:
         return share >= WANTED or shares[-1][0] >= LIMIT
 
     make: Callable[[int], Environment] = lambda count: BatchEnvironment(task, method, count, seed=seed)  # noqa: E731
+    agent.train(Training(make, WARM, seed, lambda policy, steps: None, 1))
+    began = time.process_time()
     agent.train(Training(make, STEPS, seed, report, LOOKS))
     cpu, share, steps = shares[-1]
     first = next((f"{at:.0f}" for at, each, _ in shares if each > 0), "")
