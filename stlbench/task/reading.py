@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -27,8 +28,14 @@ MOST = 200_000
 """Values that a file may have, each alias counted as what it stands for."""
 
 
-_POWER = re.compile(r"[-+]?(?:[0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)[eE][-+]?[0-9]+$")
-"""Numbers with an exponent. PyYAML takes only those with a point and a sign, such as 1.0e-3, and 1e-3 as a text."""
+_NUMBERS = {
+    "tag:yaml.org,2002:int": re.compile(r"[-+]?[0-9][0-9_]*$"),
+    "tag:yaml.org,2002:float": re.compile(
+        r"[-+]?(?:(?:[0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)[eE][-+]?[0-9]+|[0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)$"
+        r"|[-+]?\.(?:inf|Inf|INF)$|\.(?:nan|NaN|NAN)$"
+    ),
+}
+"""Numbers as YAML 1.2 and other programs have them. PyYAML reads 010 as 8, 1:30 as 90 and 1e-3 as a text."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -36,11 +43,16 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes each text that `_Loader` would read as a number."""
+    """Quotes each text that `_Loader` or PyYAML's own loader would read as a number."""
 
 
-for _kind in (_Loader, _Dumper):
-    _kind.add_implicit_resolver("tag:yaml.org,2002:float", _POWER, list("-+.0123456789"))
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, words) for tag, words in known if tag not in _NUMBERS]
+    for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+for _kind, (_tag, _written) in product((_Loader, _Dumper), _NUMBERS.items()):
+    _kind.add_implicit_resolver(_tag, _written, list("-+.0123456789"))
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(loader.construct_scalar(node)))
 
 
 def dump_yaml(content: Any, **layout: Any) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from helpers.line_task import text
 
 from stlbench import stl
@@ -209,6 +210,13 @@ class TestMessages:
         read = load_yaml(text, "here")
         assert repr(read) == repr(value)
         assert repr(load_yaml(dump_yaml({"k": read}), "here")) == repr({"k": value})
+
+    @pytest.mark.parametrize(
+        ("text", "value"), [("010", 10), ("-08", -8), ("1_000", 1000), ("1:30", "1:30"), ("1:30.5", "1:30.5")]
+    )
+    def test_a_number_is_decimal(self, text: str, value: Any) -> None:
+        assert load_yaml(text, "here") == value
+        assert yaml.safe_load(dump_yaml({"k": value})) == {"k": value}
 
     @pytest.mark.parametrize(
         "content", ["", "- a\n- b", "words", "title: [", "title: !!python/object/apply:os.getcwd []"]
