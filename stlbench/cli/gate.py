@@ -82,7 +82,8 @@ def gate(
     Robustness and satisfaction are compared seed by seed. Costs are compared only by --against: it trains each cell
     with the code of a git revision and with that of the working tree, by turns, one at a time. Exit codes: 0 no worse,
     1 worse, 3 cannot tell, 4 nothing measured or cells missing, 2 bad input, 130 after ctrl-C. Without --against, the
-    same command again measures only what is missing in DIR.
+    same command again measures only what is missing in DIR. Remove DIR to measure all anew, as after a change of
+    stlbench itself.
 
     --update alone measures and writes again what the reference holds. With --tasks, --methods, --agents or --seeds the
     reference will hold what these name, the rest as in `stlbench run` with ten seeds.
