@@ -22,21 +22,17 @@ def auto_field() -> str:
 
 def robots() -> str:
     """One row per robot on which people publish: what each method learns, and what TGPO has on its own formulas."""
-    methods = ("funnel", "raw")
+    studies, methods = (("robots", "quick"), ("robots-ant", "paper")), ("funnel", "raw")
     found = {
-        (task, label, method): seeds
-        for (name, budget), label in _ROBOTS.items()
-        for (task, method, *_), seeds in recorded.recorded(name, "auto", budget).items()
+        key[:2]: seeds for name, budget in studies for key, seeds in recorded.recorded(name, "auto", budget).items()
     }
     body = [
-        [f"`{task}`{label}", *(_shares(found.get((task, label, method))) for method in methods), TGPO.get(task, "")]
-        for task, label in dict.fromkeys((task, label) for task, label, _ in found)
+        [f"`{task}`", *(_shares(found.get((task, method))) for method in methods), TGPO.get(task, "")]
+        for task in dict.fromkeys(task for task, _ in found)
     ]
     return markdown(["task", *(f"`{method}`" for method in methods), "TGPO, best baseline"], body)
 
 
-_ROBOTS = {("robots", "quick"): "", ("robots-patrol", "paper"): ", four times the steps", ("robots-ant", "paper"): ""}
-"""Study and budget -> what its rows say beside the task."""
 TGPO = {
     "ant-goals": "61, 24 %",
     "linear-chain": "86, 83 %",

@@ -51,7 +51,7 @@ def _rows(done: list[Result], folder: Path) -> Iterator[tuple[object, ...]]:
                 value = float(discounted(task, method, samples, gamma).mean())
                 robustness = other.measurement.selected["formula"].mean
                 own = int(other.id == plan.id)
-                yield plan.id.task, plan.id.method, gamma, other.id.name, value, robustness, own
+                yield plan.id.task, plan.id.method, gamma, other.id.name, f"{value:.9g}", f"{robustness:.9g}", own
 
 
 def _samples(result: Result, task: Choice, folder: Path) -> Array | None:

@@ -1,5 +1,5 @@
 # Robots on which people publish, five seeds of two methods on the track auto; an ant by one method.
-# CPU time: 4 hours
+# CPU time: 7 hours
 # Makes: robots
 stlbench run studies/robots.yaml
 stlbench report results/robots
