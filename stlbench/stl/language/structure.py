@@ -4,7 +4,7 @@ paper): a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Reversible, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, cast
 
@@ -52,11 +52,14 @@ def as_names(names: Sequence[str], formula: Formula | Expression, where: str = "
     """`names` as a tuple.
 
     Raises:
-        TypeError: one text, which would be taken letter by letter.
+        TypeError: one text, which would be taken letter by letter, or a set, which has no order.
         AmbiguousError: a constant of `formula`, such as pi, has the name of a signal.
     """
     if isinstance(names, str | bytes):
         raise TypeError(f"names is a sequence of signal names, got one text; write [{names!r}]")
+    if isinstance(names, Set) and not isinstance(names, Reversible):  # a dict's keys have an order
+        kind = type(names).__name__
+        raise TypeError(f"names is a sequence of signal names, got a {kind}, which has no order; write a list")
     if formula.words and (alike := formula.words.intersection(names)):
         raise AmbiguousError(min(alike), where)
     return tuple(names)

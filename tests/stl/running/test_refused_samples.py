@@ -135,6 +135,24 @@ class TestWhatIsNoFormula:
             with pytest.raises(TypeError, match=r"names is a sequence of signal names, got one text; write \['xy'\]"):
                 call()
 
+    @pytest.mark.parametrize("kind", [set, frozenset])
+    def test_names_have_an_order(self, kind: Any) -> None:
+        formula, names = stl.parse("x >= y"), kind(["x", "y"])
+        for call in (
+            lambda: stl.Monitor(formula, names),
+            lambda: stl.BatchMonitor(formula, names, 1),
+            lambda: stl.robustness(formula, [[1.0, 2.0]], names),
+            lambda: stl.witness(formula, [[1.0, 2.0]], names),
+            lambda: stl.margin(formula, names),
+            lambda: stl.values([stl.parse_expression("x - y")], names),
+            lambda: stl.bounds(formula, [[0.0, 1.0]] * 2, names),
+        ):
+            with pytest.raises(TypeError, match=f"names, got a {kind.__name__}, which has no order; write a list"):
+                call()
+
+    def test_keys_of_a_dict_are_names(self) -> None:
+        assert stl.robustness(stl.parse("x >= y"), [[1.0, 3.0]], {"x": 0, "y": 1}.keys()) == -2.0  # type: ignore[arg-type]
+
 
 @pytest.mark.parametrize(
     "text", ["F[0,2] x >= 0", "F[0,2] G[0,2] F[0,1] x >= 0", "x >= 0 S x >= 1", "G (x >= 0 -> F x >= 1)"]
