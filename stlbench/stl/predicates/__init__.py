@@ -121,9 +121,11 @@ def _by_name(values: Any, labels: list[Any], names: Sequence[str], read: Collect
             count = "no column" if name not in labels else "several columns"
             rule = "samples in the order of the names need none: pass an array, as of to_numpy()"
             raise ValueError(f"the table has {count} {shorten(name)!r}; it has {has} ({rule})")
-    columns = [np.asarray(values[name]) for name in names]
-    for name, column in zip(names, columns, strict=True):  # whole numbers beside floats become floats
-        _refuse_rounding(column[..., None], [name], read)
+    columns = []
+    for name in names:  # each of its own type: NumPy stacks no dates beside numbers, and rounds integers beside floats
+        column = np.asarray(values[name])
+        is_read = _is_read(name, read)
+        columns.append(as_array(column[..., None], [name])[..., 0] if is_read else np.full(column.shape, np.nan))
     return np.stack(columns, axis=-1)
 
 

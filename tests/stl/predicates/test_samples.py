@@ -112,6 +112,20 @@ def test_tables_and_rows_within_lists_are_read_by_name() -> None:
     assert found.lower.tolist() == [4.0, 1.0]
 
 
+@pytest.mark.parametrize("column", [pd.date_range("2020", periods=2), pd.to_timedelta([0, 1], "s"), "a", 2**53 + 1])
+def test_a_column_that_is_not_read_may_be_anything(column: Any) -> None:
+    table, names = TABLE.assign(time=column), ["time", *NAMES]
+    assert stl.robustness(FORMULA, table, names) == 1.0
+    assert stl.robustness(FORMULA, [table, table], names).tolist() == [1.0, 1.0]
+    step = stl.parse("x - 2 * y >= 0")
+    assert stl.BatchMonitor(step, names, 2).update(table).lower.tolist() == [4.0, 1.0]
+    assert stl.Monitor(step, names).update(table.iloc[0]).lower == 4.0
+    with pytest.raises(
+        (TypeError, ValueError), match=r"^s(amples are (real )?numbers|ignal 'time' is 9007199254740993)"
+    ):
+        stl.robustness(stl.parse("G[0,1] x >= time"), table, names)
+
+
 @pytest.mark.parametrize("depth", [1, 2, 3])
 def test_masks_within_lists_are_refused(depth: int) -> None:
     trace: Any = np.ma.masked_array([6.0, 1.0], [True, False])
