@@ -44,7 +44,7 @@ NO_FLOAT = (
 def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str] | None = None) -> NDArray[Any]:
     """`values` as an array of numbers, whose last axis has the signals `names`.
 
-    A table with named columns is read by these names, and so is one row of it, also within lists.
+    A table with named columns is read by these names, and so is one row of it, or a named tuple, also within lists.
 
     Args:
         read: the signals that must be numbers; all where left out. Other values that are no numbers become NaN.
@@ -61,10 +61,10 @@ def as_array(values: ArrayLike, names: Sequence[str] = (), read: Collection[str]
         raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
     if isinstance(values, str | bytes):
         raise TypeError(f"samples are numbers, got {type(values).__name__}")
-    if several and names and any(_labels(part) is not None for part in parts):
-        return np.stack([as_array(part, names, read) for part in cast(Sequence[ArrayLike], values)])
     if type(values) is not np.ndarray and names and (labels := _labels(values)) is not None:
         values = _by_name(values, labels, names, read)
+    elif several and names and any(_labels(part) is not None for part in parts):
+        return np.stack([as_array(part, names, read) for part in cast(Sequence[ArrayLike], values)])
     array = np.asarray(values)
     if several and array.dtype.kind == "f" and (np.abs(array) >= EXACT).any():  # some may be whole numbers, rounded
         return _numbers(np.asarray(values, dtype=object), names, read)
@@ -97,7 +97,7 @@ def _parts(values: Any) -> list[Any]:
         if (kinds := {*map(type, level)}) <= _PLAIN:
             break
         if not kinds <= _LISTS:
-            found += [part for part in level if not isinstance(part, list | tuple) and type(part) not in _PLAIN]
+            found += [part for part in level if type(part) not in _PLAIN and type(part) not in _LISTS]
             level = [part for part in level if isinstance(part, list | tuple)]
         level = [*chain.from_iterable(level)]
     return found
@@ -105,6 +105,8 @@ def _parts(values: Any) -> list[Any]:
 
 def _labels(values: Any) -> list[Any] | None:
     """The names of a table's columns, or of the entries of one row; None where there are none."""
+    if isinstance(values, tuple):
+        return [*values._fields] if hasattr(values, "_fields") else None
     for owner in ("column_names", "columns"):  # of Arrow; of pandas and Polars
         if (columns := getattr(values, owner, None)) is not None and not callable(columns):
             return list(columns)
@@ -123,7 +125,7 @@ def _by_name(values: Any, labels: list[Any], names: Sequence[str], read: Collect
             raise ValueError(f"the table has {count} {shorten(name)!r}; it has {has} ({rule})")
     columns = []
     for name in names:  # each of its own type: NumPy stacks no dates beside numbers, and rounds integers beside floats
-        column = np.asarray(values[name])
+        column = np.asarray(getattr(values, name) if isinstance(values, tuple) else values[name])
         is_read = _is_read(name, read)
         columns.append(as_array(column[..., None], [name])[..., 0] if is_read else np.full(column.shape, np.nan))
     return np.stack(columns, axis=-1)

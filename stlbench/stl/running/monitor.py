@@ -55,7 +55,7 @@ class Monitor:
     """
 
     update: Callable[[ArrayLike], Interval]
-    """Take the next sample (k,) and return the bounds. A tuple of floats is fastest.
+    """Take the next sample (k,) and return the bounds. A tuple of floats is fastest; a named tuple is read by name.
 
     After horizon + 1 samples lower == upper == `robustness` of the trace (to rounding of sin, cos, exp), and later
     samples change nothing.
@@ -151,8 +151,9 @@ def _sample(signals: int, columns: Iterable[int]) -> list[str]:
     checked = f"{unpacked} = sample = checked(sample, {read})"
     other = " or ".join(f"type(x{i}) is not float" for i in read)
     kinds = [f"if {other}: {checked}"] if other else []
-    plain = "type(sample) is tuple or type(sample) is list"
-    named = f"if not ({plain}) and has(sample, 'to_numpy'): sample = checked(sample, {read})"
+    other_type = "not (type(sample) is tuple or type(sample) is list)"
+    may_have_names = "(has(sample, 'to_numpy') or has(sample, '_fields'))"
+    named = f"if {other_type} and {may_have_names}: sample = checked(sample, {read})"
     return [named, f"try: {unpacked} = sample", f"except (TypeError, ValueError): {checked}", *kinds]
 
 

@@ -112,6 +112,27 @@ def test_tables_and_rows_within_lists_are_read_by_name() -> None:
     assert found.lower.tolist() == [4.0, 1.0]
 
 
+def test_named_tuples_are_read_by_name() -> None:
+    rows = [*TABLE.itertuples()]
+    for trace in (rows, [rows], (rows, rows), [rows[0], [3.0, 1.0]]):
+        assert np.all(stl.robustness(FORMULA, trace, NAMES) == 1.0)
+    step = stl.parse("x - 2 * y >= 0")
+    assert [stl.Monitor(step, NAMES).update(row).lower for row in rows] == [4.0, 1.0]
+    assert stl.BatchMonitor(step, NAMES, 2).update(rows).lower.tolist() == [4.0, 1.0]
+    assert stl.margin(step, NAMES)(rows[0]) == 4.0  # type: ignore[arg-type]
+    whole = [*TABLE.astype({"x": int}).assign(note="a").itertuples(index=False)]
+    assert stl.Monitor(step, ["note", *NAMES]).update(whole[0]).lower == 4.0
+    with pytest.raises(ValueError, match="the table has no column 'z'; it has Index, y, x"):
+        stl.Monitor(step, [*NAMES, "z"]).update(rows[0])
+
+
+def test_a_mask_in_a_named_tuple_is_refused() -> None:
+    row = type(next(TABLE.itertuples(index=False)))(np.ma.masked_array(1.0, True), 6.0)
+    for trace in (row, [row]):
+        with pytest.raises(TypeError, match="a masked array has samples without a value"):
+            stl.robustness(stl.parse("x >= 0"), [trace], NAMES)
+
+
 @pytest.mark.parametrize("column", [pd.date_range("2020", periods=2), pd.to_timedelta([0, 1], "s"), "a", 2**53 + 1])
 def test_a_column_that_is_not_read_may_be_anything(column: Any) -> None:
     table, names = TABLE.assign(time=column), ["time", *NAMES]

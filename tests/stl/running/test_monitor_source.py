@@ -110,7 +110,16 @@ def test_every_word_of_the_source_is_one_of_ours(formula: stl.Formula) -> None:
     state = "to_numpy steps answer changed lower upper verdict queue first clear pop popleft append appendleft values"
     numbered = "x|t|v|w|s|whole_v|whole_w|l|u|lower|upper|best|open|queue|due|guard|samples|state|begin|read|take"
     numbered += "|line|so_far"
-    ours = {*FLOATS.namespace, *monitor_source._NAMES, *words.split(), *state.split(), "checked", "state", "item"}
+    ours = {
+        *FLOATS.namespace,
+        *monitor_source._NAMES,
+        *words.split(),
+        *state.split(),
+        "checked",
+        "state",
+        "item",
+        "_fields",
+    }
     text = re.sub(r"\b\d+\.\d+(e[+-]?\d+)?\b|\b\d+e[+-]?\d+\b", "", written(formula))  # reprs of floats
     for word in re.findall(r"[^\W\d]\w*", text):
         assert word in ours or re.fullmatch(rf"({numbered})\d+(_\d+)?", word), word
