@@ -61,12 +61,12 @@ def monitor(
     """Robustness and verdict of a recorded trace.
 
     TRACE is a table of text: a header row that names the signals, then one row per step, separated by commas,
-    semicolons or tabs; '-' reads it from standard input. Columns that no formula uses may hold anything. A column
-    'time', 't', 'stamp' or 'timestamp', in seconds or as in 'time (ms)', must rise. It gives the sampling time, or is
-    checked against --dt. Or TRACE is an .npz from the folder 'traces' of a run, with the traces from all starts. The
-    formula is evaluated at the first row. The exit code is 0 whatever the verdict. --json prints a list of {"formula",
-    "robustness", "satisfied"}, for an .npz with "start"; an infinite robustness is null there. Before a formula that
-    begins with '-' write '--'.
+    semicolons or tabs; '-' reads it from standard input. Columns that no formula uses may hold anything. In the others
+    values that no formula reads may be missing. A column 'time', 't', 'stamp' or 'timestamp', in seconds or as in 'time
+    (ms)', must rise. It gives the sampling time, or is checked against --dt. Or TRACE is an .npz from the folder
+    'traces' of a run, with the traces from all starts. The formula is evaluated at the first row. The exit code is 0
+    whatever the verdict. --json prints a list of {"formula", "robustness", "satisfied"}, for an .npz with "start"; an
+    infinite robustness is null there. Before a formula that begins with '-' write '--'.
 
     \b
     Examples:
@@ -77,6 +77,7 @@ def monitor(
     sources, path = _sources(inputs, formulas)
     if rows and dt is not None:
         raise UsageError("--rows lets intervals count rows, and --dt seconds; give one of them")
+    table: TraceTable | None = None
     if path.suffix.lower() == ".npz":
         parsed = [_parsed(source, dt) for source in sources]
         traces, starts = _saved(path, {name for formula in parsed for name in stl.signals(formula)}, start)
@@ -86,10 +87,10 @@ def monitor(
         if not rows:
             dt = _sampling_time(table, dt, any("[" in source.text for source in sources))
         parsed = [_parsed(source, dt) for source in sources]
-        samples = table.samples({name for formula in parsed for name in stl.signals(formula)})
+        samples = table.samples({name for formula in parsed for name in stl.signals(formula)}, gaps=True)
         traces = SavedTraces(table.names, samples[None])
     verdicts = [
-        _judge(source, formula, traces._replace(samples=samples), start, policy)
+        _judge(source, formula, traces._replace(samples=samples), table, start, policy)
         for source, formula in zip(sources, parsed, strict=True)
         for samples, start in zip(traces.samples, starts, strict=True)
     ]
@@ -171,9 +172,14 @@ def _sampling_time(table: TraceTable, dt: float | None, has_intervals: bool) -> 
 
 
 def _judge(
-    source: Source, formula: stl.Formula, trace: SavedTraces, start: int | None, policy: ShortTraces
+    source: Source,
+    formula: stl.Formula,
+    trace: SavedTraces,
+    table: TraceTable | None,
+    start: int | None,
+    policy: ShortTraces,
 ) -> dict[str, Any]:
-    end = int(last_steps(trace.samples[None])[0])
+    end = int(last_steps(trace.samples[None])[0]) if table is None else len(trace.samples) - 1
     samples, of = trace.samples[: end + 1], "" if start is None else f" of start {start}"
     try:
         value = float(stl.robustness(formula, samples, trace.names, policy=policy))
@@ -183,11 +189,19 @@ def _judge(
         rule = f"{at}needs {error.needed} rows, the trace has {error.got}; --policy clip evaluates short traces"
         raise UsageError(f"{source.place}: {rule}") from error
     except stl.UndefinedError as error:
+        _refuse_gap(table, formula, error)
         raise UsageError(f"{source.place}: {error}{of}") from error
     except ValueError as error:
         raise UsageError(f"{source.place}: {error}") from error
     facts = {"formula": source.text, "robustness": value, "satisfied": satisfied}
     return facts if start is None else facts | {"start": start}
+
+
+def _refuse_gap(table: TraceTable | None, formula: stl.Formula, error: stl.UndefinedError) -> None:
+    """Raise UsageError with row and column if the error is of a missing value in a table."""
+    for name in stl.signals(formula):
+        if table is not None and error.sample is not None and repr(name) in error.what:
+            table.number(error.sample + 2, table.columns[name])
 
 
 def _line(verdict: dict[str, Any]) -> str:

@@ -130,21 +130,24 @@ class TraceTable:
     def names(self) -> tuple[str, ...]:
         return tuple(self.columns)
 
-    def samples(self, used: Collection[str]) -> NDArray[np.float64]:
-        """The columns `used` as numbers, (T + 1, k) with NaN in all others. Raises UsageError at what is none."""
+    def samples(self, used: Collection[str], gaps: bool = False) -> NDArray[np.float64]:
+        """The columns `used` as numbers, (T + 1, k) with NaN in all others. `gaps` and errors as for `column`."""
         samples = np.full((len(self.rows), len(self.columns)), np.nan)
         for column, name in enumerate(self.columns):
             if name in used:
-                samples[:, column] = self.column(name)
+                samples[:, column] = self.column(name, gaps)
         return samples
 
-    def column(self, name: str) -> list[float]:
-        """One column as numbers. Raises `UsageError` where a value is no finite number, or no float keeps it."""
+    def column(self, name: str, gaps: bool = False) -> list[float]:
+        """One column as numbers; with `gaps`, what is empty or NaN is NaN.
+
+        Raises `UsageError` where another value is no finite number, or no float keeps it.
+        """
         place, values = self.columns[name], []
         for number, row in enumerate(self.rows, 2):
             value = number_of(row[place])
             if value is None or not abs(value) < EXACT:
-                value = self.number(number, place)
+                value = math.nan if gaps and _is_missing(row[place]) else self.number(number, place)
                 if _is_rounded(row[place], value):
                     raise UsageError(f"{self._at(number, place)}: {row[place]} {NO_FLOAT}")
             values.append(value)

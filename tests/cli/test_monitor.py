@@ -130,6 +130,32 @@ def test_columns_that_no_formula_uses_may_hold_anything(say):
     assert (done.exit_code, done.stderr) == (2, "error: trace.csv: row 3, column 1 (x): '' is no finite number\n")
 
 
+@pytest.mark.parametrize("gap", ["", "nan", "NaN"])
+def test_a_value_may_be_missing_where_no_formula_reads_it(say, gap):
+    Path("trace.csv").write_text(f"x,y\n3,{gap}\n{gap},-4\n1,2\n{gap},{gap}\n")
+    assert judged(say, "F[2,2] x >= 0", "trace.csv") == [1.0]
+    assert judged(say, "x >= 0 & G[1,2] y >= 0", "trace.csv") == [-4.0]
+    for formula, place in (
+        ("F[1,2] x >= 1", "row 3, column 1 (x)"),
+        ("F[1,1] sqrt(x + y) >= 1", "row 3, column 1 (x)"),
+        ("G y >= -9", "row 2, column 2 (y)"),
+        ("F[2,3] y >= 0", "row 5, column 2 (y)"),
+        ("G (x >= 0 -> O[0,2] y >= 0)", "row 3, column 1 (x)"),
+    ):
+        for policy in ("strict", "clip"):
+            said = refused(say("monitor", formula, "trace.csv", "--policy", policy))
+            assert said.endswith(f"trace.csv: {place}: '{gap}' is no finite number")
+    said = refused(say("monitor", "F[2,2] x >= 0 & F[1,1] sqrt(y) >= 0", "trace.csv"))
+    assert said.endswith("where y = -4 at sample 1")
+
+
+@pytest.mark.parametrize("text", ["a", "inf", "-"])
+def test_other_texts_in_the_columns_of_a_formula_are_refused(say, text):
+    Path("trace.csv").write_text(f"x\n1\n{text}\n1\n")
+    said = refused(say("monitor", "F[2,2] x >= 0", "trace.csv"))
+    assert said.endswith(f"trace.csv: row 3, column 1 (x): '{text}' is no finite number")
+
+
 @pytest.mark.parametrize("title", ["time", "Time", "t", "timestamp", "time (s)", "Time [s]", "t_s", "stamp"])
 def test_the_column_of_time_is_checked_against_dt(say, title):
     Path("trace.csv").write_text(f"{title},x\n5.00,1\n5.33,2\n5.67,3\n")
