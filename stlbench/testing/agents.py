@@ -123,12 +123,12 @@ _HOLD = "hold"  # a parameter of the task that a search space may have
 def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
     """Check an agent by short trainings on a point on a line: with a grid of actions, continuous ones, two robots.
 
-    The rules: `search_space` and `recipe` have parameters and values that fit them; `preference` has places for
-    kinds of actions; `cost` grows with observations and decisions; training takes no more than its budget, and some of
-    it unless the agent says that it does not train (`trains`), and reports policies that later training does not
-    change; the same seed gives the same policies, bit for bit; a policy's actions are the task's, pure, and those of a
-    batch are its rows' one by one; a policy that can be kept acts the same when it is restored. An agent may refuse
-    some of the tasks.
+    The rules: parameters are keyword-only, with annotations; `search_space` and `recipe` have parameters and values
+    that fit them; `preference` has places for kinds of actions; `cost` grows with observations and decisions; training
+    takes no more than its budget, and some of it unless the agent says that it does not train (`trains`), and reports
+    policies that later training does not change; the same seed gives the same policies, bit for bit; a policy's actions
+    are the task's, pure, and those of a batch are its rows' one by one; a policy that can be kept acts the same when it
+    is restored. An agent may refuse some of the tasks.
 
     Args:
         agent: a class, made with its default parameters, or the name of an installed agent with parameters.
@@ -140,6 +140,7 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
         UsageError: no such agent, or a wrong parameter; the message says what there is.
     """
     rules, made_agent = rules or Rules(), made("agents", agent)
+    rules.parameters(type(made_agent), 0)
     _check_search_space(made_agent, rules)
     _check_recipe(made_agent, rules)
     rules.places(made_agent.preference, get_args(ActionKind))

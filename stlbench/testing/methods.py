@@ -32,10 +32,10 @@ _SPECIFICATIONS = tuple(
 def check_method(method: type[RewardMethod] | str, task: str | None = None, rules: Rules | None = None) -> None:
     """Check a reward method on random traces from the box of the signals.
 
-    The rules: `initial_memory`, `along` and `inputs` give finite values of the contract's shapes, are pure and leave
-    their arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
-    [-1, 1], rewards at most about `scale` in size and none below `floor`; `describe` gives what JSON can hold;
-    `preference` has places for kinds of formula.
+    The rules: parameters are keyword-only, with annotations; `initial_memory`, `along` and `inputs` give finite values
+    of the contract's shapes, are pure and leave their arguments alone; a batch is its rows one by one, also where rows
+    are at different times; inputs are about in [-1, 1], rewards at most about `scale` in size and none below `floor`;
+    `describe` gives what JSON can hold; `preference` has places for kinds of formula.
 
     Args:
         method: a class, made with its default parameters, or the name of an installed method with parameters.
@@ -69,6 +69,7 @@ def _made(method: type[RewardMethod] | str, specification: Specification) -> Rew
 
 def _check_episode(method: RewardMethod, rules: Rules) -> None:
     rules.keep(*_initialised(method))
+    rules.parameters(type(method), 1)  # it is given the specification
     m, steps = method.memory_size, method.specification.steps
     rules.keep(isinstance(m, int) and m >= 0, "memory_size is a whole number, at least 0", m)
     rules.keep(bool(0 < method.scale < np.inf), "scale is positive and finite", method.scale)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
@@ -43,6 +44,14 @@ class Rules:
             self._kept.pop(rule, None)  # an earlier check may have kept it
             raise RuleBroken(f"rule broken: {rule}; got {one_line(got)}")
         self._kept[rule] = None
+
+    def parameters(self, kind: type, given: int) -> None:
+        """Check that a user can set what the constructor takes beyond self and what else it is `given` by position."""
+        _, *arguments = inspect.signature(inspect.getattr_static(kind, "__init__")).parameters.values()
+        named = [each for each in arguments[given:] if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)]
+        wrong = [each.name for each in named if each.kind is not each.KEYWORD_ONLY or each.annotation is each.empty]
+        rule = "parameters of the constructor are keyword-only, with annotations, as in (*, weight: float = 1.0)"
+        self.keep(not wrong, rule, ", ".join(wrong))
 
     def places(self, preference: Mapping[Any, int], kinds: Collection[str]) -> None:
         """Check the places of an agent or of a method among others (`preference`)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -125,6 +125,19 @@ seeds = iter(range(1000))
 def test_an_agent_that_breaks_a_rule_is_told_which(agent: type[Agent], rule: str) -> None:
     with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
         check_agent(agent)
+
+
+@pytest.mark.parametrize("keyword_only", [False, True])
+def test_parameters_that_a_user_cannot_set_break_a_rule(keyword_only: bool) -> None:
+    @dataclass(kw_only=keyword_only)
+    class Rated(Sound):
+        rate: float = 1.0
+
+    if keyword_only:
+        check_agent(Rated)
+        return
+    with pytest.raises(AssertionError, match=r"^rule broken: parameters of the constructor are .*; got rate$"):
+        check_agent(Rated)
 
 
 def test_a_policy_that_later_training_changes_is_not_frozen() -> None:

@@ -92,6 +92,14 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
     return reward, given[4]
 
 
+def unannotated(self: Any, specification: Any, *, weight=1.0) -> None:  # type: ignore[no-untyped-def]
+    Sound.__init__(self, specification)
+
+
+def positional(self: Any, specification: Any, weight: float = 1.0) -> None:
+    Sound.__init__(self, specification)
+
+
 BATCH = r"rewards \(1, 6\)"
 SHAPES = rf"along gives {BATCH} and memory \(6, 2\)"
 
@@ -111,6 +119,8 @@ SHAPES = rf"along gives {BATCH} and memory \(6, 2\)"
         (changed(lambda self, r, m, *_: (r[:, None], m)), f"{SHAPES}, for a step of 6 copies; got {BATCH[:-2]}, 1"),
         (changed(lambda self, r, m, *_: (r, np.hstack([m, m[:, :1]]))), rf"{SHAPES}, .*; got {BATCH} .* \(6, 3\)"),
         (changed(lambda self, r, m, *_: (r + 0j, m)), "rewards are an array of real numbers; got complex128"),
+        (broken(__init__=unannotated), r"parameters of the constructor are keyword-only, .*; got weight$"),
+        (broken(__init__=positional), r"parameters .* as in \(\*, weight: float = 1\.0\); got weight$"),
         (broken(__init__=lambda self, specification: None), r"the constructor calls super\(\).__init__\(.* not call"),
         (changed(lambda self, r, m, *given: (r / 0, m)), "along is finite"),
         (changed(impure_step), "along is pure"),
