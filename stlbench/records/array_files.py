@@ -16,7 +16,7 @@ import math
 import zipfile
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NamedTuple
+from typing import Any, BinaryIO, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.lib.format import MAGIC_PREFIX, read_array_header_1_0, read_array_header_2_0, read_magic
@@ -138,6 +138,8 @@ def _why_none(result: Result) -> str:
 def read_policy(results: Path, result: Result, which: Which) -> Arrays:
     """The arrays of a cell's policy. Raises `UsageError` if they are missing, or not those that were recorded."""
     name, measured = result.id.name, result.measurement
+    if which not in get_args(Which):
+        raise UsageError(f"which: a cell has the policies {' and '.join(get_args(Which))}, got {which!r}")
     if measured is None:
         raise UsageError(f"{name} has no policy: {result.how}")
     if measured.policies is None:

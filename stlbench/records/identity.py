@@ -137,7 +137,7 @@ class CellId:
     @classmethod
     def parse(cls, name: str, budget: str) -> Self:
         """The inverse of `name`, which does not say the budget. Raises `UsageError`."""
-        parts = name.split("/")
+        parts = name.split("/") if isinstance(name, str) else []
         track = parts.pop() if len(parts) == 5 and parts[4] in get_args(Track) else "shared"
         if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit() and len(parts[3]) < _DIGITS):
             raise UsageError(
@@ -191,5 +191,5 @@ def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> 
     if budget is None and len(budgets) > 1:
         raise UsageError(f"{name} has the budgets {', '.join(sorted(budgets))}; say which")
     if budget is not None and budget not in budgets:
-        raise UsageError(f"{name} has no budget '{budget}'{did_you_mean(budget, budgets)}")
+        raise UsageError(f"{name} has no budget '{budget}'{did_you_mean(str(budget), budgets)}")
     return budgets[budget] if budget is not None else next(iter(budgets.values()))

@@ -34,7 +34,8 @@ _CURVE = tuple(part.name for part in fields(CurvePoint))
 class Results:
     """Results of cells, one per cell, and the folder where they and their traces lie.
 
-    Every table begins with the columns task, method, agent, seed, budget and track, which say which cell a row is of.
+    Tables of cells begin with the columns task, method, agent, seed, budget and track, which say which cell a row is
+    of. `table` and `comparisons` have rows of methods, and other columns.
     Numbers have full precision: robustness is in the unit of the task's predicates, satisfaction a share in [0, 1].
 
     Attributes:

@@ -54,6 +54,8 @@ from stlbench.simulation.gymnasium.wrap import steps_of, steps_of_copies
         ({"method": dict}, "method: expected a name or a class of reward methods, got <class 'dict'>"),
         ({"scale": {"y": 2}}, "scale: no entry 'y' among the names; there are: minus, x"),
         ({"scale": {"x": 0}}, "scale: 'x' has a magnitude above 0, got 0"),
+        ({"scale": 2.0}, "scale: expected a mapping, named entry -> magnitude, got 2.0"),
+        ({"scale": 0}, "scale: expected a mapping, named entry -> magnitude, got 0"),
     ],
 )
 def test_what_does_not_fit_is_one_clear_line(options: dict[str, Any], message: str) -> None:

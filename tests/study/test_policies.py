@@ -59,6 +59,8 @@ def test_from_the_ledger_by_name(folder: Path, result: Result) -> None:
     direct = load_policy(folder, result).policy
     observation = np.random.default_rng(0).uniform(-1, 1, (50, kept.method.input_size + 4))
     assert np.array_equal(kept.policy.act(observation), direct.act(observation))
+    with pytest.raises(UsageError, match=r"^which: a cell has the policies selected and final, got 'best'$"):
+        Results.load(folder).policy("integrator-or/raw/dqn/0", which="best")  # type: ignore[arg-type]
 
 
 def test_a_tuned_recipe_is_not_asked_for_again(site: Callable[..., Path], tmp_path: Path) -> None:

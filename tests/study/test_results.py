@@ -108,6 +108,11 @@ def test_a_cell_by_name_and_by_identity(results, recorded):
     assert results.cell(recorded[0].id) == recorded[0]
     with pytest.raises(UsageError, match=r"no cell 'hold-disc/flag/dqn/7'; did you mean 'hold-disc/flag/dqn/1'"):
         results.cell("hold-disc/flag/dqn/7")
+    for number in (0, None):
+        with pytest.raises(UsageError, match=f"^'{number}' names no cell; a name is task/method/agent/seed"):
+            results.cell(number)
+    with pytest.raises(UsageError, match=r"hold-disc/flag/dqn/1 has no budget '5'; there are: "):
+        results.cell("hold-disc/flag/dqn/1", 5)
 
 
 def test_traces(results, recorded, tmp_path):

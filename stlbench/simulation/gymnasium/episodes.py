@@ -102,6 +102,8 @@ def _is_vector(space: Space[Any]) -> bool:
 
 
 def _check_scale(space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> None:
+    if not isinstance(scale, Mapping):
+        raise UsageError(f"scale: expected a mapping, named entry -> magnitude, got {scale!r}")
     for name, value in scale.items():
         if name not in entries.names:
             raise UsageError(f"scale: no entry '{name}' among the names{did_you_mean(name, entries.names)}")

@@ -142,7 +142,7 @@ def wrap(
     scoring = Scoring(reader, method, specification, scaled, terminated, discount)
     called = str(choice_of(method)) if isinstance(method, str) else ""
     shown = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
-    observing = Observing(single, entries, scale or {}, shown)
+    observing = Observing(single, entries, {} if scale is None else scale, shown)
     if isinstance(env, VectorEnv):
         return StlVectorWrapper(env, scoring, observing)
     return StlWrapper(env, scoring, observing)

@@ -64,6 +64,8 @@ class BatchMonitor:
         require_formula(formula)
         self.formula, self.names = formula, as_names(names, formula)
         check_names(formula, self.names)
+        if not isinstance(count, int | np.integer):
+            raise TypeError(f"count is a whole number of traces, got {shorten(repr(count))}")
         if count < 1:
             raise ValueError(f"a batch has at least 1 trace, got {count}")
         self.horizon, self._read = last_step(formula), frozenset(signals(formula))

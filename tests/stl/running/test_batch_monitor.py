@@ -6,6 +6,7 @@ import copy
 import math
 import pickle
 from collections import deque
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,6 +128,11 @@ def test_shape_names_and_count_are_checked() -> None:
         stl.BatchMonitor(stl.parse("y >= 0"), ["x"], 2)
     with pytest.raises(ValueError, match="at least 1"):
         stl.BatchMonitor(stl.parse("x >= 0"), ["x"], 0)
+    count: Any
+    for count in ("2", 2.0, None, [2]):
+        with pytest.raises(TypeError, match=r"^count is a whole number of traces, got "):
+            stl.BatchMonitor(stl.parse("x >= 0"), ["x"], count)
+    assert stl.BatchMonitor(stl.parse("x >= 0"), ["x"], np.int64(2)).update([[1.0], [2.0]]).lower.tolist() == [1.0, 2.0]
 
 
 @pytest.mark.parametrize(
