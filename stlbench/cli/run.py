@@ -77,6 +77,7 @@ def _what_would_run(study: Study) -> str:
     """The cells that are missing, and how long they take if each takes as long as those of its setting did."""
     build_logs(study.log)  # what the run itself would refuse is refused here
     cells = study.cells()  # planned once, as that takes long
+    jobs = build_executor(study.executor, study.jobs, study.memory).jobs
     missing, before = missing_cells(study, cells)
     check_cells(missing)
     if not missing:
@@ -85,7 +86,6 @@ def _what_would_run(study: Study) -> str:
     for result in before:
         if result.id.budget in budgets:  # cells of another budget say nothing of these
             tally.add(result)
-    jobs = build_executor(study.executor, study.jobs, study.memory).jobs
     first = f"{len(missing)} of {len(cells)} cells would run, {jobs} at a time"
     seconds = tally.expected() / jobs
     return f"{first}, for about {duration(seconds)}" if seconds else f"{first}; nobody knows for how long"

@@ -245,6 +245,16 @@ def test_a_dry_run_refuses_a_parameter_as_the_run_does(run):
         assert "weight should be a number, got 'x'" in refused(run("toy-raw[weight=x]", *words))
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(("--executor", "local", "--memory", "4X"), "got '4X'"), (("--executor", "nope"), "no executor 'nope'")],
+)
+def test_a_dry_run_refuses_an_executor_as_the_run_does_even_where_all_is_done(run, words, said):
+    run("toy-raw")
+    for more in ((), ("--dry-run",)):
+        assert said in refused(run("toy-raw", *words, *more))
+
+
 def test_a_dry_run_expects_no_time_from_another_budget(run):
     with Ledger(Path("results") / LEDGER) as ledger:
         ledger.record(result(budget="smoke"))
