@@ -16,7 +16,7 @@ from stlbench.records.identity import safe_line
 from stlbench.records.lines import write_lines
 from stlbench.records.result_files import PACKED, csv_value, inside, write
 from stlbench.share import onnx
-from stlbench.share.bundle import About, pack
+from stlbench.share.bundle import About, name_for, pack
 from stlbench.share.minari import export as export_episodes
 from stlbench.simulation.faults import Question, plugins_of
 from stlbench.study.plugin_guard import ask_one
@@ -55,7 +55,7 @@ def bundle(
     if not all(text.strip() for text in (*(author or ()), license)):
         raise UsageError("--author and --license need a text; leave out the option that has none")
     name = results_folder.folder_of(folder).resolve().name
-    path = Path(f"{name}.zip") if target is None else target
+    path = Path(f"{name_for(name)}.zip") if target is None else target
     what = description or f"Cells of stlbench, recorded in {name}."
     authors, date = tuple(map(safe_line, author or ())), datetime.now(UTC).date().isoformat()
     about = About(safe_line(title or name), safe_line(what), authors, safe_line(license), date)

@@ -9,6 +9,7 @@ import json
 import re
 import stat
 import tempfile
+import unicodedata
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -35,6 +36,17 @@ _ARRAYS = (POLICIES, TRACES)  # its folders of arrays
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the date of every file in a bundle, so that equal results give equal bundles
 
 
+NAME = re.compile(r"[A-Za-z0-9._+-]+")
+"""The names that bundles have before `.zip`, as in a report they are parameters of methods."""
+NAMES = "letters, digits and . _ + -"  # the same in words
+
+
+def name_for(folder: str) -> str:
+    """The name of a bundle of a folder: the folder's own, without accents, and - for what `NAME` does not have."""
+    plain = unicodedata.normalize("NFKD", folder).encode("ascii", "ignore").decode()
+    return "-".join(NAME.findall(plain)) or "results"
+
+
 class Packed(NamedTuple):
     cells: int
     policies: int  # cells whose policies are in it
@@ -48,8 +60,8 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
     It has `cells.jsonl`, the whole record of each cell; the tables and the page of the last `stlbench report`;
     `policies/`; a citation file if there are authors. Unzipped it is a folder of results again. Raises `UsageError`.
     """
-    if target.suffix != ".zip":
-        raise UsageError(f"a bundle is a zip, and its name ends in .zip; got {target}")
+    if target.suffix != ".zip" or not NAME.fullmatch(target.stem):
+        raise UsageError(f"a bundle is a zip, and its name ends in .zip, after {NAMES}; got {target}")
     results = Results.load(folder)
     if not len(results):
         raise UsageError(f"{folder} holds no result yet")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.share.bundle import METADATA, About, check, read_metadata, results_in, unpacked
+from stlbench.share.bundle import METADATA, NAME, NAMES, About, check, read_metadata, results_in, unpacked
 from stlbench.simulation.faults import Question, Unanswered, plugins_of
 from stlbench.simulation.referee import Referee
 from stlbench.study.plugin_guard import LONG, ask
@@ -91,7 +90,6 @@ def score_again(choice: Choice, result: Result, folder: Path, which: Which) -> M
     return Referee(kept.task, kept.method, budget.random_starts if budget else 0).assess(kept.policy).scores
 
 
-_NAME = re.compile(r"[A-Za-z0-9._+-]+")  # names of files that can be parameters of a method
 Tell = Callable[[str, str], None]  # is told a cell's name and the verdict on it
 
 
@@ -117,8 +115,8 @@ def read_bundles(paths: Sequence[Path], rescore: bool, tell: Tell) -> list[Bundl
     `UsageError` if a file is not there, its name cannot name a bundle, or two have the same name.
     """
     for path in paths:
-        if not path.is_file() or not _NAME.fullmatch(path.stem):
-            rule = "a bundle is a file that `stlbench bundle` wrote, with a name of letters, digits and . _ + -"
+        if not path.is_file() or not NAME.fullmatch(path.stem):
+            rule = f"a bundle is a file that `stlbench bundle` wrote, with a name of {NAMES}"
             raise UsageError(f"{path}: {rule}")
     if len({path.stem for path in paths}) < len(paths):
         raise UsageError("two bundles have the same name, which tells their methods apart; rename one")

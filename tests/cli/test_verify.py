@@ -103,6 +103,19 @@ def test_a_bundle_of_a_run_is_fine(say, ran) -> None:
     assert check(Path("results.zip")) == (2, 2, ())
 
 
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [("mÿ résultats €", "my-resultats.zip"), ("a  b+c_1.2", "a-b+c_1.2.zip"), ("結果", "results.zip")],
+)
+def test_a_bundle_has_a_name_that_a_report_takes(say, ran, folder, name) -> None:
+    Path("results").rename(folder)
+    assert say("bundle", folder).stdout.startswith(f"Written to {name}: 2 cells, ")
+    assert say("report", name).exit_code == 0
+    said = refused(say("bundle", folder, f"to/{folder} €.zip"))
+    assert "its name ends in .zip, after letters, digits and . _ + -; got to/" in said
+    assert not Path("to").exists()
+
+
 @pytest.mark.parametrize("option", ["--author", "--license"])
 def test_a_bundle_has_no_empty_author_or_licence(say, ran, option) -> None:
     for text in ("", " "):
