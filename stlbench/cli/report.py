@@ -107,7 +107,7 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
     """Show bundles in one report, or write their page; exit with code 1 where one is damaged or claims more."""
     bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
     results = {result.id: result for bundle in bundles for result in bundle.results}
-    groups = condense(results.values())
+    groups = condense(results.values(), (cell for bundle in bundles for cell in bundle.missing))
     content = Report(groups, references_of(groups), first=(bundles_table(bundles),))
     if page is not None:
         _write_page(content, results.get, paths[0], page, as_json)

@@ -231,7 +231,8 @@ def results_in(folder: Path) -> Results:
 
     Raises `UsageError` as `results_folder.read`.
     """
-    return Results.of(results_folder.read(folder / LINES), folder)
+    lines = folder / LINES
+    return Results.of(results_folder.read(lines), folder, results_folder.missing(lines).values())
 
 
 def _file(folder: Path, result: Result) -> Path:

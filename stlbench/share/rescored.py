@@ -101,6 +101,8 @@ class Bundle:
     """Their methods have a parameter `bundle`; of policies that were scored again, the scores are the new ones."""
     verdict: str | None = None  # the worst verdict on its policies; None where none was scored again
     problems: tuple[str, ...] = ()  # why it is refused
+    missing: tuple[CellId, ...] = ()
+    """Cells that were planned and have no result, their methods named so too."""
 
     @property
     def is_fine(self) -> bool:
@@ -136,16 +138,23 @@ def _read(path: Path, again: bool, tell: Tell) -> Bundle:
         verdicts.add(each.verdict)
         tell(each.cell.name, each.verdict)
     with unpacked(path) as (folder, _):
-        results = tuple(_named(result, path.stem, found.get(result.id)) for result in results_in(folder))
+        recorded = results_in(folder)
         facts = read_metadata((folder / METADATA).read_text(encoding="utf-8")).about
-    return Bundle(path, facts, results, next((word for word in VERDICTS if word in verdicts), None))
+    results = tuple(_scored(result, path.stem, found.get(result.id)) for result in recorded)
+    missing = tuple(_named(cell, path.stem) for cell in recorded.missing)
+    verdict = next((word for word in VERDICTS if word in verdicts), None)
+    return Bundle(path, facts, results, verdict, missing=missing)
 
 
-def _named(result: Result, bundle: str, scores: Mapping[str, Score] | None) -> Result:
-    """With the bundle as a parameter of its method, and with the new scores if there are any."""
-    method = Choice(result.id.method.name, (*result.id.method.parameters, ("bundle", bundle)))
+def _scored(result: Result, bundle: str, scores: Mapping[str, Score] | None) -> Result:
+    """With the bundle in its name, and with the new scores if there are any."""
     measured = replace(result.measurement, selected=scores) if result.measurement and scores else result.measurement
-    return replace(result, id=replace(result.id, method=method), measurement=measured)
+    return replace(result, id=_named(result.id, bundle), measurement=measured)
+
+
+def _named(cell: CellId, bundle: str) -> CellId:
+    """With the bundle as a parameter of its method."""
+    return replace(cell, method=Choice(cell.method.name, (*cell.method.parameters, ("bundle", bundle))))
 
 
 def bundles_table(bundles: Iterable[Bundle]) -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ from cli.conftest import TOY
 from helpers.bundles import changed
 from helpers.pages import Page
 from helpers.refusals import refused
+
+from stlbench.records.ledger import LEDGER, Ledger
 
 
 @pytest.fixture
@@ -46,6 +49,23 @@ def test_bundles_have_a_page(say, bundles) -> None:
     page = Page(Path("report.html").read_text())
     assert len(page.cells) == 4
     assert "Ada Lovelace" in page.text
+
+
+def test_cells_that_were_planned_and_never_ran_are_not_hidden(say, bundles) -> None:
+    with Ledger(Path("mine") / LEDGER) as ledger:
+        planned = [replace(result.id, seed=seed) for result in ledger.results() for seed in (5, 6)]
+        ledger.plan({f"{cell.seed:032}": cell for cell in planned})
+    say("bundle", "mine", "mine.zip")
+    of_folder, of_bundles = (
+        json.loads(say("report", *paths, "--json").stdout)["robustness"]
+        for paths in (["mine"], ["mine.zip", "theirs.zip"])
+    )
+    told = [("seeds done", 2), ("seeds planned", 4), ("seeds unfinished", "2 not run")]
+    assert [[(name, row[name]) for name, _ in told] for row in (*of_folder, of_bundles[0])] == [told, told]
+    assert [row["method"] for row in of_bundles] == ["toy-raw[bundle=mine]", "toy-raw[bundle=theirs]"]
+    assert say("report", "mine.zip", "--html").stdout.endswith(" MB, 2 cells\n")
+    page = Page(Path("report.html").read_text())
+    assert len(page.cells) == 4
 
 
 @pytest.mark.parametrize("words", [("no.zip",), ("one", "two")])
