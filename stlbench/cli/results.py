@@ -202,7 +202,7 @@ def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
         scored.append(each)
         if not as_json:  # a policy may take seconds
             why = f", {each.why}" if each.why else ""
-            typer.echo(f"[{len(scored)}/{checked.policies}] {each.cell.name}: {each.verdict}{why}", err=True)
+            typer.echo(f"[{len(scored)}/{each.of}] {each.cell.name}: {each.verdict}{why}", err=True)
     facts = {"whole": not checked.problems, **checked._asdict(), "rescored": [_rescored(each) for each in scored]}
     unscored = _unscored(scored)
     said = [f"{unscored}: the bundle is not confirmed"] if rescore and unscored and not checked.problems else []

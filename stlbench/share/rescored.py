@@ -37,6 +37,7 @@ class Rescored(NamedTuple):
     recorded: Mapping[str, Score]
     found: Mapping[str, Score] | None  # None if it cannot be scored here
     why: str = ""  # the reason why it cannot
+    of: int = 0  # the number of cells that are scored again with it, itself too
 
     @property
     def verdict(self) -> str:
@@ -69,7 +70,7 @@ def rescore(path: Path) -> Iterator[Rescored]:
             questions = [score_question(result.id.task, result, folder, "selected") for result in some]
             for result, again in zip(some, ask(questions, LONG), strict=True):
                 found, why = (None, again.reason) if isinstance(again, Unanswered) else (again, "")
-                yield Rescored(result.id, result.measured.selected, found, why)
+                yield Rescored(result.id, result.measured.selected, found, why, len(results))
 
 
 _TOGETHER = 8

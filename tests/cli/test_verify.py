@@ -155,6 +155,7 @@ def test_a_bundle_of_which_a_policy_cannot_be_scored_is_not_confirmed(say, ran, 
     assert done.exit_code == 3, done.output
     count = 1 if kind == "one policy" else 2
     assert f"{count} of 2 policies could not be scored here: the bundle is not confirmed" in done.stdout.splitlines()
+    assert [line.partition(" ")[0] for line in done.stderr.splitlines()] == ["[1/2]", "[2/2]"]
     said = json.loads(say("verify", "mine.zip", "--rescore", "--json").stdout)
     assert [each["verdict"] for each in said["rescored"]].count("not scored") == count
 
