@@ -20,6 +20,7 @@ from stlbench.errors import NO_SPACE, DiskFull, UsageError, cause, in_words, one
 from stlbench.registry import exits
 from stlbench.registry.exits import exits_raise
 
+CANNOT_TELL = 3  # the exit code of `verify` and `report` if a policy was not scored again, as that of `compare`
 DISK_FULL = 74  # the exit code if the disk is full: an input/output error in sysexits.h
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
 _OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)

@@ -13,12 +13,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from stlbench.cli.common import warn
+from stlbench.cli.common import CANNOT_TELL, warn
 from stlbench.cli.options import Budget, Cell, Explain, Fitting, Folder, Listed, TaskFolders, Which
 from stlbench.cli.output import Json, print_json, say
 from stlbench.errors import DiskFull, UsageError, did_you_mean
 from stlbench.records import results_folder
-from stlbench.records.result import NOT_RUN
+from stlbench.records.result import NOT_RUN, NOT_SCORED
 from stlbench.records.result_files import inside
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
@@ -65,7 +65,7 @@ def report(
 
     Several bundles stand in the same tables, methods with the name of their bundle; a bundle that `stlbench verify`
     finds damaged is left out. Nothing is written but a page. --rescore lets each selected policy act again. Exit code 1
-    where a bundle is damaged, or claims more than the referee finds.
+    where a bundle is damaged, or claims more than the referee finds; 3 where a policy could not be scored.
 
     \b
     Examples:
@@ -104,10 +104,12 @@ def report(
 
 
 def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, explain: bool, as_json: bool) -> None:
-    """Show bundles in one report, or write their page; exit with code 1 where one is damaged or claims more."""
+    """Show bundles in one report, or write their page; exit with code 1 where one is damaged or claims more, with 3
+    where a policy was not scored."""
     bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
     results = {result.id: result for bundle in bundles for result in bundle.results}
-    groups = condense(results.values(), (cell for bundle in bundles for cell in bundle.missing))
+    missing = (cell for bundle in bundles for cell in bundle.missing)
+    groups = condense(results.values(), missing, (row for bundle in bundles for row in bundle.unscored))
     content = Report(groups, references_of(groups), first=(bundles_table(bundles),))
     if page is not None:
         _write_page(content, results.get, paths[0], page, as_json)
@@ -117,6 +119,8 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
         say(content.summary if explain else content.answer, explain=explain, explained=content.first)
     if not all(bundle.is_fine for bundle in bundles):
         raise typer.Exit(1)
+    if any(bundle.verdict == NOT_SCORED for bundle in bundles):
+        raise typer.Exit(CANNOT_TELL)
 
 
 def _print_json(report: Report) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from stlbench.cli.common import warn
+from stlbench.cli.common import CANNOT_TELL, warn
 from stlbench.cli.options import Folder
 from stlbench.cli.output import Json, show
 from stlbench.errors import UsageError, counted, one_line
@@ -114,7 +114,6 @@ def _merged(into: Path, counts: Sequence[tuple[Path, Merged]]) -> Iterator[str]:
 
 
 _SHOWN = 10  # the most files without a result that are listed
-_CANNOT_TELL = 3  # the exit code, as that of `compare`
 
 
 def verify(
@@ -201,8 +200,7 @@ def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
     for each in rescore_policies(path) if rescore and not checked.problems else ():
         scored.append(each)
         if not as_json:  # a policy may take seconds
-            why = f", {each.why}" if each.why else ""
-            typer.echo(f"[{len(scored)}/{each.of}] {each.cell.name}: {each.verdict}{why}", err=True)
+            typer.echo(f"[{len(scored)}/{each.of}] {each.cell.name}: {each.told}", err=True)
     facts = {"whole": not checked.problems, **checked._asdict(), "rescored": [_rescored(each) for each in scored]}
     unscored = _unscored(scored)
     said = [f"{unscored}: the bundle is not confirmed"] if rescore and unscored and not checked.problems else []
@@ -210,7 +208,7 @@ def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
     if checked.problems or any(each.verdict == CLAIMS_MORE for each in scored):
         raise typer.Exit(1)
     if rescore and unscored:
-        raise typer.Exit(_CANNOT_TELL)
+        raise typer.Exit(CANNOT_TELL)
 
 
 def _unscored(scored: list[Rescored]) -> str:

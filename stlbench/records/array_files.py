@@ -132,7 +132,7 @@ def _why_none(result: Result) -> str:
         task, source = result.provenance.get(TASK_FOLDER, result.id.task), result.provenance.get("source", "FILE")
         how = f"falsify and certify take it as --task {task} {source}"
         return f"it is from outside, and only its score is stored; {how}"
-    return "its agent stores none"
+    return "its agent stores none, by the record"
 
 
 def read_policy(results: Path, result: Result, which: Which) -> Arrays:

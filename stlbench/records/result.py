@@ -34,6 +34,8 @@ Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitab
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
 NOT_RUN: Literal["not run"] = "not run"
 """In tables, in the place of a status: the cell was planned and has no result."""
+NOT_SCORED: Literal["not scored"] = "not scored"
+"""The same: the referee could not score its policy again, so that the score that was claimed is left out."""
 ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
 """The statuses that a retry may run."""
 FAILED = "failed"

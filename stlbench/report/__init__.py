@@ -16,7 +16,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report.tables import runs
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
 from stlbench.report.tables.comparisons import Comparison, advice, answer_table, compare, comparisons_table, verdicts
-from stlbench.report.tables.rows import Group, group, missing_row, row, split, trained
+from stlbench.report.tables.rows import Group, Row, group, missing_row, row, split, trained
 from stlbench.report.tables.sampled import groups_table, pairs_table
 from stlbench.report.tables.table import Table
 from stlbench.report.tables.yardsticks import Aligned, Known, align, alignment_table, best_known, controllers_table
@@ -25,12 +25,14 @@ if TYPE_CHECKING:
     from stlbench.tracks.references import References
 
 
-def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple[Group, ...]:
+def condense(
+    results: Iterable[Result], missing: Iterable[CellId] = (), further: Iterable[Row] = ()
+) -> tuple[Group, ...]:
     """Read results one at a time, and gather a few numbers of each in groups that differ in nothing but the seed.
 
-    The `missing` are cells that were planned and have no result.
+    The `missing` are cells that were planned and have no result; `further` rows are gathered as they are.
     """
-    return group(chain(map(row, results), map(missing_row, missing)))
+    return group(chain(map(row, results), map(missing_row, missing), further))
 
 
 def groups_of(folder: Path) -> tuple[Group, ...]:

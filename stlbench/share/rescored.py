@@ -12,8 +12,9 @@ from typing import NamedTuple
 from stlbench.errors import UsageError
 from stlbench.records.array_files import Which
 from stlbench.records.identity import CellId
-from stlbench.records.result import Result, Score
+from stlbench.records.result import NOT_SCORED, Result, Score
 from stlbench.registry.choices import Choice
+from stlbench.report.tables.rows import Row, row
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.share.bundle import METADATA, NAME, NAMES, About, check, read_metadata, results_in, unpacked
 from stlbench.simulation.faults import Question, Unanswered, plugins_of
@@ -26,7 +27,7 @@ MORE = 0.01
 """The share of robustness and of starts that a bundle may claim beyond the referee's score. Another processor rounds
 differently, and a policy with two nearly equal actions may then take the other one."""
 CLAIMS_MORE, AS_RECORDED = "claims more", "as recorded"
-VERDICTS = (CLAIMS_MORE, "not scored", "within rounding", AS_RECORDED)
+VERDICTS = (CLAIMS_MORE, NOT_SCORED, "within rounding", AS_RECORDED)
 """The verdicts on a policy that was scored again, the worst first."""
 
 
@@ -43,7 +44,7 @@ class Rescored(NamedTuple):
     def verdict(self) -> str:
         """One of `VERDICTS`; `CLAIMS_MORE` if by any protocol the referee's score is less than `MORE` allows."""
         if self.found is None:
-            return "not scored"
+            return NOT_SCORED
         if self.found == self.recorded:
             return AS_RECORDED
         for name, said in self.recorded.items():
@@ -56,21 +57,27 @@ class Rescored(NamedTuple):
                 return CLAIMS_MORE
         return "within rounding"
 
+    @property
+    def told(self) -> str:
+        """The verdict, and the reason where there is one."""
+        return f"{self.verdict}, {self.why}" if self.why else self.verdict
+
 
 def rescore(path: Path) -> Iterator[Rescored]:
-    """Score the selected policy of each cell of a bundle that has one, from the report's starts of its task.
+    """Score the selected policy of each finished cell of a bundle, from the report's starts of its task.
 
-    Raises `UsageError` if the file is no whole bundle; `check` names what is wrong.
+    Cells without a policy count too: else whoever takes a policy away could claim any score, also of a plan. Raises
+    `UsageError` if the file is no whole bundle; `check` names what is wrong.
     """
     with unpacked(path) as (folder, problems):
         if problems:
             raise UsageError(f"{path} is not scored: {problems[0]}")
-        results = [result for result in results_in(folder) if result.measurement and result.measurement.policies]
+        results = [result for result in results_in(folder) if result.measurement]
         for some in (results[begin : begin + _TOGETHER] for begin in range(0, len(results), _TOGETHER)):
             questions = [score_question(result.id.task, result, folder, "selected") for result in some]
             for result, again in zip(some, ask(questions, LONG), strict=True):
                 found, why = (None, again.reason) if isinstance(again, Unanswered) else (again, "")
-                yield Rescored(result.id, result.measured.selected, found, why, len(results))
+                yield Rescored(result.id, result.measured.selected, found, why.replace(f"{folder}/", ""), len(results))
 
 
 _TOGETHER = 8
@@ -91,7 +98,7 @@ def score_again(choice: Choice, result: Result, folder: Path, which: Which) -> M
     return Referee(kept.task, kept.method, budget.random_starts if budget else 0).assess(kept.policy).scores
 
 
-Tell = Callable[[str, str], None]  # is told a cell's name and the verdict on it
+Tell = Callable[[str, str], None]  # is told a cell's name and the verdict on it, with the reason
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,8 @@ class Bundle:
     problems: tuple[str, ...] = ()  # why it is refused
     missing: tuple[CellId, ...] = ()
     """Cells that were planned and have no result, their methods named so too."""
+    unscored: tuple[Row, ...] = ()
+    """Cells that should have been scored again and were not: without the claimed score, their methods named so too."""
 
     @property
     def is_fine(self) -> bool:
@@ -133,24 +142,33 @@ def _read(path: Path, again: bool, tell: Tell) -> Bundle:
         problems = (str(error),)
     if problems:
         return Bundle(path, problems=problems)
-    found, verdicts = dict[CellId, Mapping[str, Score] | None](), set[str]()
+    scored = dict[CellId, Rescored]()
     for each in rescore(path) if again else ():
-        found[each.cell] = each.found
-        verdicts.add(each.verdict)
-        tell(each.cell.name, each.verdict)
+        scored[each.cell] = each
+        tell(each.cell.name, each.told)
     with unpacked(path) as (folder, _):
         recorded = results_in(folder)
         facts = read_metadata((folder / METADATA).read_text(encoding="utf-8")).about
-    results = tuple(_scored(result, path.stem, found.get(result.id)) for result in recorded)
-    missing = tuple(_named(cell, path.stem) for cell in recorded.missing)
-    verdict = next((word for word in VERDICTS if word in verdicts), None)
-    return Bundle(path, facts, results, verdict, missing=missing)
+    shown = [_scored(result, path.stem, scored.get(result.id)) for result in recorded]
+    verdicts = {each.verdict for each in scored.values()}
+    return Bundle(
+        path,
+        facts,
+        tuple(each for each in shown if isinstance(each, Result)),
+        next((word for word in VERDICTS if word in verdicts), None),
+        missing=tuple(_named(cell, path.stem) for cell in recorded.missing),
+        unscored=tuple(each for each in shown if isinstance(each, Row)),
+    )
 
 
-def _scored(result: Result, bundle: str, scores: Mapping[str, Score] | None) -> Result:
-    """With the bundle in its name, and with the new scores if there are any."""
-    measured = replace(result.measurement, selected=scores) if result.measurement and scores else result.measurement
-    return replace(result, id=_named(result.id, bundle), measurement=measured)
+def _scored(result: Result, bundle: str, again: Rescored | None) -> Result | Row:
+    """With the bundle in its name, and with the new scores if it was scored again; without any if it could not be."""
+    named = replace(result, id=_named(result.id, bundle))
+    if again is None:
+        return named
+    if again.found is None:
+        return replace(row(named), status=NOT_SCORED, reason=again.why, measurement=None)
+    return replace(named, measurement=replace(named.measured, selected=again.found))
 
 
 def _named(cell: CellId, bundle: str) -> CellId:
@@ -168,13 +186,14 @@ def bundles_table(bundles: Iterable[Bundle]) -> Table:
         Column("title", right=False): lambda row: row[1].title,
         Column("licence", right=False): lambda row: row[1].license,
         Column("packed", right=False): lambda row: row[1].date,
-        Column("cells"): lambda row: len(row[0].results),
+        Column("cells"): lambda row: len(row[0].results) + len(row[0].unscored),
         Column("policies", right=False): lambda row: row[0].verdict,
         Column("SHA-256", right=False): lambda row: hashlib.sha256(row[0].path.read_bytes()).hexdigest()[:12],
     }
     note = (
         "Policies, with --rescore: whether the referee finds the scores of the bundle again, in the worst case. All "
-        "tables then have the referee's scores."
+        "tables then have the referee's scores of selected policies, and none where it could not score one. Scores of "
+        "final policies, curves and costs are as the bundles say."
     )
     rows = [(each, each.about) for each in listed if each.about is not None]
     return Table.of("Bundles", rows, columns, (note, *problems))

@@ -51,6 +51,53 @@ def test_bundles_have_a_page(say, bundles) -> None:
     assert "Ada Lovelace" in page.text
 
 
+PLANNED = {"maximised": "reward", "value": 0.9}
+
+
+@pytest.mark.parametrize("changes", [None, {"policies": None}, {"policies": None, "planned": PLANNED}])
+def test_a_claimed_score_without_its_policy_is_in_no_table(say, bundles, changes) -> None:
+    """The policy of one cell was taken away; its record may say that there is none, or that it was planned."""
+    lines = Path("theirs/cells.jsonl")
+    first, *others = map(json.loads, lines.read_text().splitlines())
+    for scores in (first["measurement"][which] for which in ("selected", "final")):
+        scores["formula"] |= {"robustness": [0.9] * 8, "satisfied": [True] * 8, "first_failed": {}}
+    first["measurement"] |= changes or {}
+    lines.write_text("".join(f"{json.dumps(line)}\n" for line in (first, *others)))
+    Path("theirs", LEDGER).unlink()
+    next(path for path in Path("theirs/policies").iterdir() if first["key"].startswith(path.stem[-12:])).unlink()
+    say("bundle", "theirs", "theirs.zip")
+    name = f"toy-line/toy-raw/toy-agent/{first['seed']}"
+    why = f"{name} has no {'stored policy: its agent stores none, by the record' if changes else 'policy at policies/'}"
+    checked = say("verify", "theirs.zip", "--rescore")
+    assert checked.exit_code == 3
+    assert f"[1/2] {name}: not scored, {why}" in checked.stderr
+    done = say("report", "mine.zip", "theirs.zip", "--rescore", "--json")
+    assert done.exit_code == 3
+    assert f"\n{name}: not scored, {why}" in done.stderr
+    said = json.loads(done.stdout)
+    assert [(row["cells"], row["policies"]) for row in said["bundles"]] == [(2, "as recorded"), (2, "not scored")]
+    (cell,) = (row for row in said["cells"] if row["status"] == "not scored")
+    assert (cell["seed"], cell["method"]) == (first["seed"], "toy-raw[bundle=theirs]")
+    assert (cell["robustness_mean"], cell["final_robustness_mean"]) == (None, None)
+    assert cell["reason"].startswith(why)
+    assert said["robustness"][1]["seeds unfinished"] == "1 not scored"
+    assert "0.9" not in json.dumps([said["robustness"], said["comparisons"]])
+    assert say("report", "mine.zip", "theirs.zip", "--rescore", "--html").exit_code == 3
+    assert "not scored" in Page(Path("report.html").read_text()).text
+    changed(Path("mine.zip"), Path("changed.zip"), {"cells.jsonl": b"{}"})
+    assert say("report", "changed.zip", "theirs.zip", "--rescore").exit_code == 1
+
+
+def test_a_bundle_of_which_nothing_is_scored_is_reported(say, bundles) -> None:
+    for path in Path("mine/policies").iterdir():
+        path.unlink()
+    say("bundle", "mine", "mine.zip")
+    for words in ((), ("--json",), ("--html",), ("--explain",)):
+        assert say("report", "mine.zip", "--rescore", *words).exit_code == 3
+    assert "2 not scored" in say("report", "mine.zip", "--rescore").stdout
+    assert say("report", "mine.zip").exit_code == 0
+
+
 def test_cells_that_were_planned_and_never_ran_are_not_hidden(say, bundles) -> None:
     with Ledger(Path("mine") / LEDGER) as ledger:
         planned = [replace(result.id, seed=seed) for result in ledger.results() for seed in (5, 6)]

@@ -156,6 +156,7 @@ def test_a_bundle_of_which_a_policy_cannot_be_scored_is_not_confirmed(say, ran, 
     count = 1 if kind == "one policy" else 2
     assert f"{count} of 2 policies could not be scored here: the bundle is not confirmed" in done.stdout.splitlines()
     assert [line.partition(" ")[0] for line in done.stderr.splitlines()] == ["[1/2]", "[2/2]"]
+    assert "stlbench-" not in done.output  # the temporary folder
     said = json.loads(say("verify", "mine.zip", "--rescore", "--json").stdout)
     assert [each["verdict"] for each in said["rescored"]].count("not scored") == count
 
@@ -173,8 +174,20 @@ def test_nor_is_one_without_policies(tmp_path) -> None:
     CliRunner().invoke(app, ["bundle", str(tmp_path), str(tmp_path / "mine.zip")])
     done = say(tmp_path / "mine.zip", "--rescore")
     assert done.exit_code == 3
-    assert done.stdout.splitlines()[-1] == "no cell has a policy to score: the bundle is not confirmed"
+    assert done.stdout.splitlines()[-1] == "1 of 1 policies could not be scored here: the bundle is not confirmed"
+    name = "hold-disc/funnel/dqn/0"
+    why = f"{name} has no stored policy: its agent stores none, by the record"
+    assert done.stderr == f"[1/1] {name}: not scored, {why}\n"
     assert say(tmp_path / "mine.zip").exit_code == 0
+
+
+def test_nor_is_one_in_which_no_cell_finished(tmp_path) -> None:
+    with Ledger(tmp_path / LEDGER) as ledger:
+        ledger.record(replace(result(status="timeout", reason="late"), key="0" * 32))
+    CliRunner().invoke(app, ["bundle", str(tmp_path), str(tmp_path / "mine.zip")])
+    done = say(tmp_path / "mine.zip", "--rescore")
+    assert done.exit_code == 3
+    assert done.stdout.splitlines()[-1] == "no cell has a policy to score: the bundle is not confirmed"
 
 
 def test_verify_names_what_is_wrong_with_a_bundle(say, ran) -> None:

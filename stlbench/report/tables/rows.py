@@ -25,7 +25,7 @@ class Row:
     """One cell, without the values of single starts, so that thousands of cells fit into memory."""
 
     id: CellId
-    status: Status | Literal["not run"]
+    status: Status | Literal["not run", "not scored"]
     reason: str
     provenance: Mapping[str, str]  # how the result came about (`provenance.collect`)
     measurement: Measurement | None
