@@ -7,9 +7,12 @@ import re
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Literal, get_args
 
 import gymnasium
+from gymnasium.envs.registration import load_env_creator
+from gymnasium.wrappers import HumanRendering, OrderEnforcing, PassiveEnvChecker, RenderCollection
 
 from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records.result import Result
@@ -25,11 +28,19 @@ from stlbench.solver.solution import FILE, TEXT, Solution, certificate_of
 from stlbench.solver.workspace import is_of, workspace_of
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd
-from stlbench.task.gym_make import blaming
+from stlbench.task.gym_make import blaming, layers, made
 
 _WORDS: Mapping[str, tuple[str, ...]] = {"time": ("steps", "seconds"), "terminated": get_args(EarlyEnd)}
 _TRIES = 10
 """The number of tries: each has 1000 of the 10,000 seeds that a study may have."""
+_IDLE = (HumanRendering, OrderEnforcing, PassiveEnvChecker, RenderCollection)
+"""Layers of an environment that change no episode."""
+_ADDRESS = re.compile(r" at 0x\w+")
+"""Python's number of an object, which another copy of it does not have."""
+_ANEW = (
+    "trainings make it anew: register it so in a module, `gymnasium.register('Mine-v0', make_mine, "
+    "max_episode_steps=200)`, and name it 'my_module:Mine-v0'"
+)
 _SAID = {"satisfied", "starts", "low", "confidence", "probability"}
 """Facts of a certificate that are shown."""
 
@@ -154,18 +165,39 @@ def _named(signals: Mapping[str, str | int] | None) -> Mapping[str, str | int]:
 
 
 def _identified(environment: str | gymnasium.Env[Any, Any]) -> tuple[str, dict[str, Any]]:
-    """The id by which a fresh process makes it, with what it is made with."""
+    """The id by which a fresh process makes it, with what it is made with. Raises `UsageError` if that is another."""
     if isinstance(environment, str):
         return environment, {}
-    rule = "trainings make it anew: register it in a module, and name it 'my_module:Mine-v0'"
     if not isinstance(environment, gymnasium.Env):
-        raise UsageError(f"environment should be an id or an environment, got {_shown(environment)}; {rule}")
+        raise UsageError(f"environment should be an id or an environment, got {_shown(environment)}; {_ANEW}")
     spec, kind = environment.spec, type(environment.unwrapped)
-    if spec is None or kind.__module__ == "__main__":
-        raise UsageError(f"{kind.__name__} has no id by which it can be made; {rule}")
-    own = spec.namespace is None and not kind.__module__.startswith("gymnasium.")
-    keywords = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
-    return f"{kind.__module__}:{spec.id}" if own else spec.id, keywords
+    entry: Any = spec and spec.entry_point
+    creator = load_env_creator(entry) if isinstance(entry, str) else entry
+    home = (creator if isinstance(creator, FunctionType) else kind).__module__
+    if spec is None or home == "__main__":
+        raise UsageError(f"{kind.__name__} has no id by which it can be made; {_ANEW}")
+    own = spec.namespace is None and not home.startswith("gymnasium.")
+    identifier, facts = f"{home}:{spec.id}" if own else spec.id, _facts(environment)
+    keywords: dict[str, Any] = facts["arguments"]
+    registered = _facts(made(identifier, keywords, limit=None))
+    if wrong := [name for name, fact in registered.items() if facts[name] != fact]:
+        differ = "; ".join(f"its {name} should be {registered[name]}, got {facts[name]}" for name in wrong[:2])
+        raise UsageError(f"the environment is not {spec.id} as registered: {one_line(differ)}; {_ANEW}")
+    return identifier, keywords
+
+
+def _facts(env: gymnasium.Env[Any, Any]) -> dict[str, Any]:
+    """What its id should make again. Layers that only check or draw are left out."""
+    spec: Any = env.spec
+    idle = {kind.__name__ for kind in _IDLE}
+    recorded = [(each.entry_point, each.kwargs) for each in spec.additional_wrappers if each.name not in idle]
+    return {
+        "time limit": spec.max_episode_steps,
+        "layers": ", ".join(kind.__name__ for kind in layers(env) if kind not in _IDLE),
+        "entry point": _ADDRESS.sub("", f"{spec.entry_point}"),
+        "arguments": {name: value for name, value in spec.kwargs.items() if name != "render_mode"},
+        "wrappers": _ADDRESS.sub("", f"{recorded}"),
+    }
 
 
 def _is_delivered(folder: Path, best: Result, confidence: float) -> bool:

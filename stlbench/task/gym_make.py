@@ -184,8 +184,10 @@ def without_notices() -> None:
         import_module("farama_notifications").notifications.clear()
 
 
-def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium") -> Gym:
-    """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0", without its time limit.
+def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium", limit: int | None = -1) -> Gym:
+    """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0".
+
+    It has no time limit, or with the `limit` None that of its id.
 
     For the API `pettingzoo` the id is a module with `parallel_env`, as "mpe2.simple_spread_v3"; its agents act jointly.
     Raises `UsageError`: an unknown id, a library that is missing, keywords that the environment does not take.
@@ -200,7 +202,7 @@ def made(identifier: str, keywords: Mapping[str, Any], api: Api = "gymnasium") -
             import_module(module)
         if "/" not in name and name not in gymnasium.registry:  # else Gymnasium takes the latest version of a name
             raise gymnasium.error.NameNotFound
-        return gymnasium.make(identifier, max_episode_steps=-1, disable_env_checker=True, **keywords)
+        return gymnasium.make(identifier, max_episode_steps=limit, disable_env_checker=True, **keywords)
     except UsageError:
         raise
     except gymnasium.error.NameNotFound as error:
@@ -249,11 +251,11 @@ def modules(env: Gym) -> tuple[str, ...]:
     """The modules of the environment's classes, of its wrappers, and of the entry point of its id."""
     entry: Any = getattr(env.spec, "entry_point", None)
     entry = entry.partition(":")[0] if isinstance(entry, str) else getattr(entry, "__module__", None)
-    names = {base.__module__ for kind in _layers(env) for base in kind.__mro__}
+    names = {base.__module__ for kind in layers(env) for base in kind.__mro__}
     return tuple(sorted(names | ({entry} if entry else set())))
 
 
-def _layers(env: Any) -> Iterator[type]:
+def layers(env: Any) -> Iterator[type]:
     """The classes of its wrappers, the outermost first, and its own."""
     innermost = env.unwrapped
     while env is not innermost:

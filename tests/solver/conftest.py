@@ -15,6 +15,7 @@ import time
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
+from gymnasium.wrappers import RescaleAction, TransformReward
 
 class Quitter(gymnasium.Env):
     """Ends at its first step."""
@@ -83,6 +84,12 @@ class Talker(Point):
     def _seen(self):
         return {"place": self.p[:1].copy(), "word": "go"}
 
+def layered(render_mode=None):
+    """Gymnasium's own, under layers: one has a function that each copy makes anew."""
+    own = gymnasium.make("Pendulum-v1", max_episode_steps=-1, render_mode=render_mode)
+    return RescaleAction(TransformReward(own, lambda reward: -reward), -1, 1)
+
+gymnasium.register("Layered-v0", layered, max_episode_steps=30)
 gymnasium.register("Talker-v0", Talker, max_episode_steps=30)
 gymnasium.register("Quitter-v0", Quitter, max_episode_steps=30)
 gymnasium.register("Unseeded-v0", Unseeded, max_episode_steps=30)

@@ -14,6 +14,8 @@ from typing import Any, cast
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.wrappers import RescaleAction, TimeLimit
 from helpers.pages import Page
 from solver.conftest import FORMULA, POINT
 from typer.testing import CliRunner
@@ -27,6 +29,7 @@ from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import outlook
 from stlbench.solver.problem import Problem
+from stlbench.solver.run import _identified
 from stlbench.solver.solution import Solution
 from stlbench.solver.workspace import workspace_of
 from stlbench.study.results import Results
@@ -129,6 +132,40 @@ def test_a_formula_that_cannot_be_read_has_a_caret_below_the_place() -> None:
 def test_bad_input_in_python(environment: Any, options: dict[str, Any], problem: str) -> None:
     with pytest.raises(UsageError, match=problem):
         stlbench.solve(environment, FORMULA, into="out", **options)
+
+
+class Hidden(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """A layer that records no arguments."""
+
+
+PENDULUM = gymnasium.make("Pendulum-v1")
+SHORT = gymnasium.make("Pendulum-v1", max_episode_steps=150)
+OTHER = gymnasium.make(EnvSpec("Pendulum-v1", "gymnasium.envs.classic_control:CartPoleEnv"))
+
+
+@pytest.mark.parametrize(
+    ("environment", "problem"),
+    [
+        (SHORT, "its time limit should be 200, got 150"),
+        (TimeLimit(SHORT, 200), "its layers should be TimeLimit, PendulumEnv, got TimeLimit, TimeLimit, PendulumEnv"),
+        (RescaleAction(PENDULUM, -1, 1), "its layers .*, got RescaleAction, TimeLimit, PendulumEnv;"),
+        (Hidden(PENDULUM), "its layers .*, got Hidden, TimeLimit, PendulumEnv;"),
+        (OTHER, "got CartPoleEnv"),
+    ],
+)
+def test_an_environment_that_is_not_as_registered_is_refused(environment: Any, problem: str) -> None:
+    rule = r"trainings make it anew: register it so in a module, `gymnasium.register\(.*\)`, and name it"
+    with pytest.raises(UsageError, match=rf"^the environment is not Pendulum-v1 as registered: .*{problem}.*; {rule}"):
+        stlbench.solve(environment, FORMULA, into="out")
+
+
+@pytest.mark.usefixtures("made")
+def test_one_that_is_as_registered_has_an_id() -> None:
+    for keywords in ({"render_mode": "rgb_array_list"}, {"disable_env_checker": True}):
+        assert _identified(gymnasium.make("Pendulum-v1", **keywords)) == ("Pendulum-v1", {})
+    assert _identified(gymnasium.make("Pendulum-v1", g=5.0)) == ("Pendulum-v1", {"g": 5.0})
+    assert _identified(gymnasium.make("zz_made:Layered-v0")) == ("zz_made:Layered-v0", {})
+    assert _identified(gymnasium.make("shimmy:dm_control/cartpole-balance-v0"))[1] == {}
 
 
 def test_what_draws_does_not_complain_of_a_missing_display(tmp_path: Path) -> None:
