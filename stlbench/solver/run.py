@@ -11,6 +11,7 @@ from types import FunctionType
 from typing import Any, Literal, get_args
 
 import gymnasium
+import numpy as np
 from gymnasium.envs.registration import load_env_creator
 from gymnasium.wrappers import HumanRendering, OrderEnforcing, PassiveEnvChecker, RenderCollection
 
@@ -195,9 +196,22 @@ def _facts(env: gymnasium.Env[Any, Any]) -> dict[str, Any]:
         "time limit": spec.max_episode_steps,
         "layers": ", ".join(kind.__name__ for kind in layers(env) if kind not in _IDLE),
         "entry point": _ADDRESS.sub("", f"{spec.entry_point}"),
-        "arguments": {name: value for name, value in spec.kwargs.items() if name != "render_mode"},
+        "arguments": {name: _plain(name, value) for name, value in spec.kwargs.items() if name != "render_mode"},
         "wrappers": _ADDRESS.sub("", f"{recorded}"),
     }
+
+
+def _plain(name: str, value: Any) -> Any:
+    """The value of an argument as a task file has it. Raises `UsageError` if none can."""
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, Mapping) and all(type(key) is str for key in value):
+        return {key: _plain(f"{name}.{key}", part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(name, part) for part in value]
+    if value is not None and type(value) not in (bool, int, float, str):
+        kinds = "numbers, texts, and lists and mappings of them"
+        raise UsageError(f"the environment's argument {name} is {one_line(value)}, a task file has {kinds}; {_ANEW}")
+    return value
 
 
 def _is_delivered(folder: Path, best: Result, confidence: float) -> bool:

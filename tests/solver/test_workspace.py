@@ -20,7 +20,7 @@ from stlbench.contract import ActionGrid
 from stlbench.errors import UsageError
 from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, _expression, code_beside, content_of
-from stlbench.solver.run import _folder
+from stlbench.solver.run import _folder, _identified
 from stlbench.solver.tries import Nearest, check_speed, of_course
 from stlbench.solver.workspace import workspace_of
 from stlbench.task import load_task
@@ -100,6 +100,31 @@ def test_words_in_an_observation_are_left_out() -> None:
     workspace = workspace_of(Problem("zz_made:Talker-v0", "F[0,9] abs(place) <= 0.1"), Path("out"))
     assert workspace.task.source.observed.size == 1
     assert workspace.task.source.observed.flat({"place": np.array([0.5]), "word": "go"}).tolist() == [0.5]
+
+
+@pytest.mark.parametrize(
+    ("by", "plain"),
+    [
+        (np.float64(5.0), 5.0),
+        (np.bool_(True), True),
+        (np.array([[1, 2]], np.float32), [[1.0, 2.0]]),
+        ({"low": (np.int64(1), None)}, {"low": [1, None]}),
+    ],
+)
+@pytest.mark.usefixtures("made")
+def test_numbers_of_numpy_are_plain_in_a_task_file(by: object, plain: object) -> None:
+    identifier, keywords = _identified(gymnasium.make("zz_made:Moved-v0", by=by))
+    assert repr(keywords) == repr({"by": plain})
+    content = content_of(Problem(identifier, "G[0,9] place0 <= 1", keywords=keywords))
+    assert load_yaml(dump_yaml(content), "it")["environment"]["kwargs"] == keywords
+
+
+@pytest.mark.parametrize("by", [np.float32, np.dtype("float32"), {1}, {1: 2}, len, 1j, np.longdouble(1)])
+@pytest.mark.usefixtures("made")
+def test_an_argument_that_no_task_file_has_is_named(by: object) -> None:
+    rule = "a task file has numbers, texts, and lists and mappings of them; trainings make it anew"
+    with pytest.raises(UsageError, match=rf"^the environment's argument by is [^\n]+, {rule}"):
+        _identified(gymnasium.make("zz_made:Moved-v0", by=by))
 
 
 @pytest.mark.usefixtures("made")
