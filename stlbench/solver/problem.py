@@ -259,7 +259,7 @@ def _of_environment(problem: Problem, seconds: float | None) -> dict[str, Any]:
         name, tasks = problem.environment, plugins.available("tasks")
         similar = "" if _VERSION.search(name) else did_you_mean(name, tasks)
         raise UsageError(f"{name} is no task, and an environment has no formula of its own; give one{similar}")
-    content = sketch(problem.environment, problem.keywords, seconds)
+    content = sketch(problem.environment, problem.keywords, seconds, timed=problem.time == "seconds")
     entries = {name: (ends["low"], ends["high"]) for name, ends in content["signals"].items()}
     texts = {name: _expression(name, text, content["environment"]["names"]) for name, text in problem.signals.items()}
     dt = content["sampling_time"] if problem.time == "seconds" else None

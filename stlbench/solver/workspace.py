@@ -287,7 +287,9 @@ def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str],
     _write(home / _FILE, content)
     task = load_task(TASK)
     repeatable = tries.is_repeatable(task)
-    notes, doubts = list(tries.notes(task, found, random, repeatable)), list(tries.doubts(task))
+    notes, doubts = [*tries.notes(task, found, random, repeatable)], [*tries.doubts(task)]
+    if task.file.notes:  # the seconds of a step
+        notes.insert(0, task.file.notes)
     return {"notes": notes, "doubts": doubts, "episode_seconds": episode, "repeatable": repeatable}
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from math import ceil, floor, log10, prod
+from math import ceil, floor, inf, log10, prod
 from typing import Any, NamedTuple, TypeAlias
 
 import gymnasium
@@ -95,22 +95,29 @@ _MOST = 500
 """Entries that a draft names. Pictures have thousands, none with a meaning."""
 
 
-def sketch(identifier: str, keywords: Mapping[str, Any] | None = None, seconds: float | None = None) -> dict[str, Any]:
+def sketch(
+    identifier: str, keywords: Mapping[str, Any] | None = None, seconds: float | None = None, *, timed: bool = False
+) -> dict[str, Any]:
     """The content of a `task.yaml` on an environment, with a formula that is there to be changed.
 
     Args:
         identifier: the id that `gymnasium.make` takes.
         keywords: the arguments with which the environment is made.
         seconds: the wall time after which no more is played, for a slow environment.
+        timed: whether the seconds of a step count. The notes then say what they are by.
 
     Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
     that these hardly move get a scale by the others. Entries that leave their ends count as without, with a warning.
 
     Raises:
         UsageError: the environment cannot be made or played. Or its observation is no array of numbers and no Dict with
-            one, or has more numbers than anybody would name.
+            one, or has more numbers than anybody would name. Or it is `timed`, and does not say the seconds of a step.
     """
     env = made(identifier, keywords or {})
+    step, said = _step(env)
+    if timed and not said:
+        rule = "give its class `dt = 0.05`, or name the folder of a task file with `sampling_time`"
+        raise UsageError(f"environment {identifier} does not say the seconds of a step, for --time seconds; {rule}")
     names, known = _entries(env.observation_space, identifier)
     samples = _samples(identifier, env, entries_of(env.observation_space, names), seconds)
     known |= dict.fromkeys(samples.outside, (None, None))
@@ -125,12 +132,13 @@ def sketch(identifier: str, keywords: Mapping[str, Any] | None = None, seconds: 
     return {
         "title": f"A task on {identifier}",
         "source": identifier,
+        **({"notes": f"a step is {step:g} s, by the environment's {said}"} if timed else {}),
         "environment": {"id": identifier}
         | ({"kwargs": dict(keywords)} if keywords else {})
         | {"names": names}
         | ({"scale": scale} if scale else {}),
         "formula": f"G[0,{steps}] {distance} <= {(high - low) / 4:g}",
-        "sampling_time": round(_seconds(env), 12),
+        "sampling_time": step,
         "steps": steps,
         "signals": {name: {"low": low, "high": high} for name, (low, high) in ends.items()},
         "budgets": {
@@ -303,9 +311,9 @@ def _limit(identifier: str) -> int:
     return gymnasium.spec(identifier.rpartition(":")[2]).max_episode_steps or _STEPS
 
 
-def _seconds(env: Gym) -> float:
-    """The environment's own seconds of a step, else those of the rate at which it is drawn."""
-    own = getattr(env.unwrapped, "dt", None)
-    if isinstance(own, float | np.floating):
-        return float(own)
-    return 1 / env.metadata["render_fps"] if env.metadata.get("render_fps") else _SECONDS
+def _step(env: Gym) -> tuple[float, str]:
+    """The seconds of a step, and what of the environment says them: nothing where they are only a default."""
+    own, rate = getattr(env.unwrapped, "dt", None), env.metadata.get("render_fps")
+    if isinstance(own, int | float | np.integer | np.floating) and not isinstance(own, bool) and 0 < own < inf:
+        return round(float(own), 12), "dt"
+    return (round(1 / rate, 12), f"render_fps of {rate:g}") if rate else (_SECONDS, "")

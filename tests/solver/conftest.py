@@ -89,11 +89,17 @@ def layered(render_mode=None):
     own = gymnasium.make("Pendulum-v1", max_episode_steps=-1, render_mode=render_mode)
     return RescaleAction(TransformReward(own, lambda reward: -reward), -1, 1)
 
+class Timed(Point):
+    """May say the seconds of a step."""
+    def __init__(self, dt=None, fps=None):
+        self.dt, self.metadata = dt, {"render_modes": [], "render_fps": fps}
+
 class Moved(Point):
     """Takes arguments of any kind."""
     def __init__(self, by=0, render_mode=None):
         self.by = by
 
+gymnasium.register("Timed-v0", Timed, max_episode_steps=30)
 gymnasium.register("Moved-v0", Moved, max_episode_steps=30)
 gymnasium.register("Layered-v0", layered, max_episode_steps=30)
 gymnasium.register("Talker-v0", Talker, max_episode_steps=30)

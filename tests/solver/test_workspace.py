@@ -6,6 +6,7 @@ import importlib
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -75,10 +76,11 @@ def test_the_task_file_of_an_environment() -> None:
     assert content["terminated"] == "hold"
     assert content["signals"]["theta"] == {"low": -3.142, "high": 3.142, "expression": "atan2(y, x)"}
     assert content["signals"]["omega"] == {"low": -8.0, "high": 8.0}
-    assert workspace.notes == ()
+    notes = ("a step is 0.05 s, by the environment's dt",)
+    assert workspace.notes == notes
     note = workspace.search(600)
     assert re.match("no witness was found: [0-9]+ episodes of held actions", str(note))
-    assert (workspace.notes, workspace.doubts, workspace.search(600)) == ((), (note,), None)
+    assert (workspace.notes, workspace.doubts, workspace.search(600)) == (notes, (note,), None)
     long = workspace_of(Problem("MountainCarContinuous-v0", "F position >= 0.45"), Path("other"))
     assert (long.task.file.steps, long.task.file.hold) == (1000, 5)
 
@@ -125,6 +127,39 @@ def test_an_argument_that_no_task_file_has_is_named(by: object) -> None:
     rule = "a task file has numbers, texts, and lists and mappings of them; trainings make it anew"
     with pytest.raises(UsageError, match=rf"^the environment's argument by is [^\n]+, {rule}"):
         _identified(gymnasium.make("zz_made:Moved-v0", by=by))
+
+
+@pytest.mark.parametrize(
+    ("keywords", "formula", "said"),
+    [
+        ({"dt": 1}, "F[0,2] ", "a step is 1 s, by the environment's dt"),
+        ({"dt": 0.5, "fps": 10}, "F[0,4] ", "a step is 0.5 s, by the environment's dt"),
+        ({"fps": 10}, "F[0,20] ", "a step is 0.1 s, by the environment's render_fps of 10"),
+        ({"dt": True, "fps": 10}, "F[0,20] ", "a step is 0.1 s, by the environment's render_fps of 10"),
+    ],
+)
+@pytest.mark.usefixtures("made")
+def test_seconds_are_steps_of_the_environment(keywords: dict[str, float], formula: str, said: str) -> None:
+    content = content_of(Problem("zz_made:Timed-v0", "F[0,2] place0 >= 1", time="seconds", keywords=keywords))
+    assert content["formula"].startswith(formula)
+    assert content["notes"] == said
+
+
+@pytest.mark.parametrize("dt", [1, np.int64(1), np.float32(0.5)])
+@pytest.mark.usefixtures("made")
+def test_a_step_of_any_real_number_counts(dt: float) -> None:
+    assert sketch("zz_made:Timed-v0", {"dt": dt})["sampling_time"] == float(dt)
+
+
+@pytest.mark.parametrize("keywords", [{}, {"dt": 0}, {"dt": -1.0}, {"dt": "1"}])
+@pytest.mark.usefixtures("made")
+def test_seconds_are_refused_where_the_environment_says_none(keywords: dict[str, Any]) -> None:
+    problem = Problem("zz_made:Timed-v0", "F[0,1] place0 >= 1", time="seconds", keywords=keywords)
+    with pytest.raises(
+        UsageError, match=r"^environment zz_made:Timed-v0 does not say the seconds of a step, .* `dt = "
+    ):
+        content_of(problem)
+    assert content_of(Problem(**vars(problem) | {"time": "steps"}))["formula"].startswith("F[0,1] ")
 
 
 @pytest.mark.usefixtures("made")
