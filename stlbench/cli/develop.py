@@ -23,6 +23,7 @@ from stlbench.registry import named_tasks, plugins
 from stlbench.registry.choices import executor_of
 from stlbench.registry.exits import interrupts_raise
 from stlbench.registry.plugins import Plugin
+from stlbench.share.source import found_with, from_here
 from stlbench.simulation.faults import PluginFault
 from stlbench.study.study import json_schema
 from stlbench.task.gym_sketch import sketch
@@ -98,7 +99,10 @@ def new(
     if environment is None:
         files, then = _files(kind, name), f"cd {quoted} && pip install -e '.[dev]' && stlbench check {name}"
     elif kind == "task":
-        files, then = _sketched(environment), f"change {folder}/task.yaml, and stlbench check {path}"
+        if ":" in environment:  # the user names the module
+            from_here()
+        files = _sketched(environment)
+        then = f"change {folder}/task.yaml, and {found_with(environment)}stlbench check {path}"
     else:
         raise UsageError(f"--environment is for a task; {kind} was asked for")
     files |= _schemas(files)

@@ -138,6 +138,13 @@ def from_here() -> None:
         sys.path.insert(0, here)
 
 
+def found_with(identifier: str | None) -> str:
+    """What a command needs before `stlbench` to find the module of an environment: nothing, unless it lies here."""
+    module = sys.modules.get((identifier or "").rpartition(":")[0].partition(".")[0])
+    places = getattr(module, "__path__", None) or [getattr(module, "__file__", None) or ""]
+    return "PYTHONPATH=. " if any(Path(place).absolute().parent == Path.cwd() for place in places if place) else ""
+
+
 def load_traces(path: Path, task: Task) -> Episodes:
     """The episodes of a task's signals in a file: an .npz with several, or a table of text with one.
 

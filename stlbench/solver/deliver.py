@@ -29,6 +29,7 @@ from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.share.onnx import export
+from stlbench.share.source import found_with
 from stlbench.solver.contestants import rank
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Clock
@@ -127,7 +128,8 @@ class Delivery:
             "the page": f"report {cells} --html --task-folder {home}` makes it",
         }
         why = "interrupted before" if self.interrupted else "no time was left for"
-        return f"{why} {what}; `stlbench {later[what]}"
+        entry = self.workspace.task.file.environment
+        return f"{why} {what}; `{found_with(entry.id if entry else None)}stlbench {later[what]}"
 
     def _starts(self, actor: Actor) -> int:
         """The starts of the certificate: as many as a share of the time lets the policy act from."""

@@ -217,7 +217,8 @@ def failed(what: str, error: Exception) -> UsageError:
     missing = _missing(error)
     if missing in _EXTRAS:
         return UsageError(f'{what} needs {missing}: pip install "stlbench-rl[{_EXTRAS[missing]}]"')
-    return UsageError(f"{what} cannot be made: {cause(error)}")
+    hint = "; set PYTHONPATH=. if it lies here" if missing else ""
+    return UsageError(f"{what} cannot be made: {cause(error)}{hint}")
 
 
 def _hint(identifier: str) -> str:

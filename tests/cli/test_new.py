@@ -182,6 +182,22 @@ def test_what_hardly_moves_at_random_is_scaled_by_what_does(tmp_path: Path, monk
     assert load_task(str(tmp_path / "zz-lever-task")).own_track == "auto"  # it has no recipe
 
 
+def test_a_module_in_the_working_directory_is_found_for_the_user_who_names_it(tmp_path: Path) -> None:
+    """A task folder names no module of the working directory, unless the user has put that on the path."""
+    (tmp_path / "zz_here.py").write_text(LEVER)
+    stlbench = Path(sys.executable).with_name("stlbench")
+
+    def said(*words: str, **environment: str) -> str:
+        shown = dict(cwd=tmp_path, env=os.environ | environment, capture_output=True, text=True)
+        done = subprocess.run([stlbench, *words], **shown)  # type: ignore[call-overload]
+        return str(done.stdout + done.stderr)
+
+    then = said("new", "task", "zz-here", "--environment", "zz_here:Lever-v0")
+    assert then.splitlines()[-1] == "now: change zz-here/task.yaml, and PYTHONPATH=. stlbench check ./zz-here"
+    assert "No module named 'zz_here'; set PYTHONPATH=. if it lies here\n" in said("check", "./zz-here")
+    assert "rules are kept" in said("check", "./zz-here", PYTHONPATH=".")
+
+
 def test_what_leaves_its_ends_is_scaled_by_what_was_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The space says [-1, 1] for both; x reaches 4 at its first step, and the other entry stays there."""
     monkeypatch.syspath_prepend(tmp_path)

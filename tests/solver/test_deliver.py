@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ from typing import Any, cast
 
 import pytest
 from helpers.line_task import line
-from solver.conftest import FORMULA
+from solver.conftest import FORMULA, POINT
 from typer.testing import CliRunner
 
 from stlbench.cli import app
@@ -101,6 +102,15 @@ def test_the_commands_for_what_is_left_out_work(trained: Path) -> None:
         done = CliRunner().invoke(app, shlex.split(said[1].replace("--html", "") + f" {cheaper}"))
         assert done.exit_code == 0, done.output
     assert "--html" in given._left_out("the page")
+
+
+@pytest.mark.usefixtures("made")
+def test_they_find_a_module_in_the_working_directory(monkeypatch: pytest.MonkeyPatch) -> None:
+    workspace = workspace_of(Problem(POINT, "G[0,9] far <= 1"), Path("out"))
+    monkeypatch.setattr(sys.modules["zz_made"], "__file__", str(Path("zz_made.py").absolute()))
+    best = cast(Any, SimpleNamespace(id=CellId("task", "raw", "td3", 0, "probe")))
+    given = Delivery(workspace, PROBLEM, Clock(0.0), 0.95, [best])
+    assert "; `PYTHONPATH=. stlbench render out/race task/raw/td3/0 --budget probe" in given._left_out("the film")
 
 
 def test_what_an_interrupt_left_out_is_not_for_want_of_time(trained: Path, monkeypatch: pytest.MonkeyPatch) -> None:

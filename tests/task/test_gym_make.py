@@ -63,6 +63,7 @@ def test_a_library_that_an_extra_brings_is_named_with_it(
         ("CartPoel-v1", {}, "no environment 'CartPoel-v1'; did you mean 'CartPole-v1'"),
         ("CartPole-v1", {"gravity": 3}, "environment CartPole-v1 cannot be made: TypeError: .*gravity"),
         ("no_such_module:Pole-v0", {}, "environment no_such_module:Pole-v0 cannot be made: ModuleNotFoundError"),
+        ("no_such_module:Pole-v0", {}, ".*No module named 'no_such_module'; set PYTHONPATH=. if it lies here$"),
         ("gymnasium.no_such:Pole-v0", {}, ".* cannot be made: .* No module named 'gymnasium.no_such'"),
         ("mujoco.no_such:Pole-v0", {}, ".* cannot be made: .* No module named 'mujoco.no_such'"),  # mujoco is there
         ("CartPole-v99", {}, "no environment 'CartPole-v99'; did you mean 'CartPole-v1'"),
