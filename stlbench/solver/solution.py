@@ -54,11 +54,11 @@ class Acting:
             info: of the environment, where signals are entries of it.
 
         Raises:
-            UsageError: t is not 0 or the step after that of the last call.
+            UsageError: t is not 0 or the step after that of the last call, or a signal needs the info.
         """
         if t not in (0, self._next):
             raise UsageError(f"t is {t}; expected is 0, or {self._next}, the next step of the episode")
-        seen, sample = self._read(observation, info or {})
+        seen, sample = self._read(observation, info)
         if t == 0:
             self._memory = self._method.initial_memory(sample, np.array([0]))
         elif t < self.task.file.steps:
@@ -71,7 +71,7 @@ class Acting:
             return as_action(self.task.source.action_space, self._vector[0])
         return self._vector[0].copy()
 
-    def _read(self, observation: Any, info: Mapping[str, Any]) -> tuple[Array, Array]:
+    def _read(self, observation: Any, info: Mapping[str, Any] | None) -> tuple[Array, Array]:
         """The policy's view of the observation (1, d), and the signals (1, k)."""
         dynamics = self.task.dynamics
         if isinstance(dynamics, System):
@@ -79,7 +79,10 @@ class Acting:
             return dynamics.scaled_state(state), dynamics.signals(state)
         if not isinstance(dynamics, GymTask):
             raise UsageError(f"{type(dynamics).__name__} is a world of its own, whose observations are not known here")
-        seen, sample = self.task.source.read([(observation, info)])
+        if info is None and (names := self.task.source.expressions.from_info):
+            rule = "pass the info as the third argument, policy(observation, t, info)"
+            raise UsageError(f"signals: '{names[0]}' is an entry of the info; {rule}")
+        seen, sample = self.task.source.read([(observation, info or {})])
         return self.task.source.observed.scaled(seen), sample
 
     def _decide(self, seen: Array, sample: Array, t: Integers) -> Array:
@@ -98,7 +101,7 @@ class Solution:
     Attributes:
         folder: with the policy, the task file, the certificate and the page.
         certificate: what `certificate.json` has: starts, how many satisfied, the interval and its confidence.
-        policy: the policy, `policy(observation, t)`.
+        policy: the policy, `policy(observation, t, info)`. The info may be left out if no signal is of it.
     """
 
     folder: Path

@@ -6,7 +6,7 @@ import importlib
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -22,6 +22,7 @@ from stlbench.errors import UsageError
 from stlbench.simulation.baselines import in_pieces, replay
 from stlbench.solver.problem import Problem, _expression, code_beside, content_of
 from stlbench.solver.run import _folder, _identified
+from stlbench.solver.solution import Acting
 from stlbench.solver.tries import Nearest, check_speed, of_course
 from stlbench.solver.workspace import workspace_of
 from stlbench.task import load_task
@@ -95,6 +96,19 @@ def test_signals_from_the_info() -> None:
     near = content["signals"]["near"]
     assert (near["expression"], near["low"]) == ("far + abs(goal)", 0.0)
     assert 3 < near["high"] <= 11
+
+
+@pytest.mark.usefixtures("made")
+def test_a_policy_asks_for_the_info_that_signals_need() -> None:
+    task = workspace_of(Problem(POINT, "F[0,9] far <= 0.1"), Path("out")).task
+    observation, _ = gymnasium.make(POINT).reset(seed=0)
+    acting = Acting(cast(Any, (task, None, None)))
+    with pytest.raises(
+        UsageError, match=r"^signals: 'far' is an entry of the info; pass .*, policy\(obs.*, t, info\)$"
+    ):
+        acting(observation, 0)
+    with pytest.raises(UsageError, match=r"no 'far': the observation has .*, the info nothing"):
+        acting(observation, 0, {})
 
 
 @pytest.mark.usefixtures("made")
