@@ -279,6 +279,10 @@ def _named(space: Space[Any], entries: Entries) -> dict[str, int]:
     return {name: place for name, place in pairs if place is not None}
 
 
+_NAMES = "name all entries of the observation by names=('x', 'y')"
+"""What to do where an entry has no name."""
+
+
 class Expressions:
     """Reads k signals. Names in an expression that are no entry of the observation are entries of the info."""
 
@@ -317,7 +321,8 @@ class Expressions:
     def _number(self, name: str, info: Mapping[str, Any], place: str) -> float:
         if name not in info:
             known, there = ", ".join(self.entries.names) or "no names", ", ".join(map(str, info)) or "nothing"
-            raise UsageError(f"signals: no '{name}'{place}: the observation has {known}, the info {there}")
+            hint = "" if self.entries.names else f"; {_NAMES}"
+            raise UsageError(f"signals: no '{name}'{place}: the observation has {known}, the info {there}{hint}")
         try:
             return number(info[name])
         except (TypeError, ValueError) as error:
@@ -332,7 +337,8 @@ def _parsed(place: str, text: object) -> stl.Expression:
     try:
         return stl.parse_expression(text)
     except stl.StlSyntaxError as error:
-        raise UsageError(f"{place}: {error}") from error
+        hint = f"{_NAMES}; " if "[" in text else ""  # before the error, whose last line points to a place
+        raise UsageError(f"{place}: {hint}{error}") from error
 
 
 def number(given: Any) -> float:

@@ -57,6 +57,17 @@ def test_expressions_over_observation_and_info() -> None:
         reader.many(np.zeros((2, 2)), infos, np.array([3, 4]))
 
 
+def test_entries_without_names_are_said_to_need_them() -> None:
+    rule = r"name all entries of the observation by names=\('x', 'y'\)"
+    with pytest.raises(UsageError, match=rf"^signals\.d: {rule}; line 1, column 9: expected"):
+        Expressions({"d": "norm(obs[0], obs[1])"}, entries_of(LINE, None))
+    reader = Reader(Expressions({"d": "obs_0"}, entries_of(LINE, None)), ("d",), LINE)
+    with pytest.raises(
+        UsageError, match=f"no 'obs_0' at step 0: the observation has no names, the info nothing; {rule}$"
+    ):
+        reader.one(np.zeros(2), {}, 0)
+
+
 @pytest.mark.parametrize(
     ("text", "info", "message"),
     [
