@@ -183,9 +183,10 @@ class Ledger:
         with self._writing() as database:
             _add_plan(database, cells)
 
-    def record(self, result: Result) -> None:
+    def record(self, result: Result, *, again: bool = False) -> None:
         """Write one result, in place of one with the same key, with checksums of its files. It is on disk on return.
 
+        `again` has the next run measure the cell, as `mark` does.
         Before, it is a line of `cells.jsonl`: whenever this is killed, what was recorded is in both.
         """
         lines.append(self.path.parent, [result])
@@ -193,9 +194,9 @@ class Ledger:
             before = database.execute("SELECT failures FROM cells WHERE key = ?", (result.key,)).fetchone()
             known = before[0] if before and isinstance(before[0], int) and 0 <= before[0] < MOST else 0
             failures = known + 1 if result.status in ACCIDENTS else 0
-            _insert(database, values(result, self.path.parent, failures))
+            _insert(database, values(result, self.path.parent, failures, again=again))
 
-    def replace(self, result: Result) -> list[str]:
+    def replace(self, result: Result, *, again: bool = False) -> list[str]:
         """Write one result in place of all others of its cell, and of its place in the plan; the keys these had.
 
         It is one transaction: whenever this is killed, the old results or the new one are there.
@@ -203,7 +204,7 @@ class Ledger:
         lines.append(self.path.parent, [result])
         with self._writing() as database:
             keys = _remove(database, result.id)
-            _insert(database, values(result, self.path.parent, int(result.status in ACCIDENTS)))
+            _insert(database, values(result, self.path.parent, int(result.status in ACCIDENTS), again=again))
         return keys
 
     @property

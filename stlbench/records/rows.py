@@ -45,7 +45,7 @@ def texts(cell: CellId) -> tuple[str | int, ...]:
     return tuple(cell.plain.values())
 
 
-def values(result: Result, folder: Path, failures: int) -> dict[str, str | int | float | None]:
+def values(result: Result, folder: Path, failures: int, *, again: bool = False) -> dict[str, str | int | float | None]:
     """Column -> value of the row of a result that is recorded now, in a folder that has its files already."""
     measured, text = result.measurement, to_json(result)
     return {
@@ -59,7 +59,7 @@ def values(result: Result, folder: Path, failures: int) -> dict[str, str | int |
         "checksum": checksum_of(text),
         "files": json.dumps(checksums_beside(folder, result) if measured else {}),
         "failures": failures,
-        "again": 0,
+        "again": int(again),
     }
 
 

@@ -66,7 +66,7 @@ def verify(folder: Path) -> Verified:
             else:
                 changed = list(_changed(folder, row.files, row.result))
                 damages += changed
-                files += len(row.files) - len(changed)
+                files += len(row.files.keys() - {damage.what for damage in changed})
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
         gone = {key: cell for key, cell in ledger.recorded().items() if key not in there}
         damages += [Damage(key, cell, "row", "it was recorded, and is not there") for key, cell in gone.items()]
@@ -86,14 +86,13 @@ def _verify_lines(file: Path, folder: Path) -> Verified:
     rows, files, damages = 0, 0, list[Damage]()
     for result in results_folder.read(file):
         rows += 1
-        path, measured = result_files.cell_files(folder, result.id, result.key).policies, result.measurement
-        if measured is None or measured.policies is None or not os.path.lexists(path):
+        path = result_files.cell_files(folder, result.id, result.key).policies
+        if not (_stores_policies(result) and os.path.lexists(path)):
             continue
-        try:
-            array_files.check_policies(folder, result)
+        if problem := _wrong_policies(folder, result):
+            damages.append(Damage(result.key, result.id, "policies", problem))
+        else:
             files += 1
-        except (ValueError, OSError) as error:
-            damages.append(Damage(result.key, result.id, "policies", one_line(error)))
     return Verified(rows, files, (), tuple(damages), 0)
 
 
@@ -114,6 +113,25 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
             lacking = "is a link, or no file" if os.path.lexists(path) else "is missing"
             problem = "is not as it was recorded" if what in there else lacking
             yield Damage(result.key, result.id, what, f"{path} {problem}")
+        elif what == "policies" and (problem := _wrong_policies(folder, result)):
+            yield Damage(result.key, result.id, what, problem)
+
+
+def _stores_policies(result: Result) -> bool:
+    return result.measurement is not None and result.measurement.policies is not None
+
+
+def _wrong_policies(folder: Path, result: Result) -> str:
+    """What is wrong with a result's policies by the hashes in it; empty if nothing is.
+
+    A checksum alone may be of a file that was damaged before a merge or a new ledger.
+    """
+    try:
+        if _stores_policies(result):
+            array_files.check_policies(folder, result)
+    except (ValueError, OSError) as error:
+        return one_line(error)
+    return ""
 
 
 def repair(folder: Path) -> Verified:
@@ -190,12 +208,13 @@ def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     _discard(folder, cell, ledger.remove(cell))
 
 
-def replace(folder: Path, ledger: Ledger, result: Result) -> None:
+def replace(folder: Path, ledger: Ledger, result: Result, *, again: bool = False) -> None:
     """Record a result whose files are there, in place of all others of its cell, for what writes in the folder already.
 
     The old files go last, so that an interruption loses no result.
     """
-    _discard(folder, result.id, ledger.replace(result), result_files.cell_files(folder, result.id, result.key))
+    keys = ledger.replace(result, again=again)
+    _discard(folder, result.id, keys, result_files.cell_files(folder, result.id, result.key))
 
 
 def _discard(folder: Path, cell: CellId, keys: Iterable[str], staying: Collection[Path] = ()) -> None:
@@ -221,13 +240,13 @@ def merge(into: Path, source: Path) -> Merged:
 
     If both have a result of a cell, one that is no failure stays, else one without damaged files, else the one whose
     run began later, else that of `into`. A sound result of the source also replaces one that lacks its policies.
-    An interrupted merge can be repeated. Raises as `refuse_merging`.
+    The marks of `repair` are copied. An interrupted merge can be repeated. Raises as `refuse_merging`.
     """
     refuse_merging(into, source)
     incoming = list(results_folder.read(source))
     home, damages = results_folder.folder_of(source), verify(source).damages
     damaged = {(damage.key, damage.what) for damage in damages}
-    broken = {damage.key for damage in damages if _is_left(home, damage)}
+    broken, marked = {damage.key for damage in damages if _is_left(home, damage)}, _marked(source)
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with result_files.writing(into), Ledger(into / LEDGER) as ledger:
         present = {result.id: result for result in ledger.results()}
@@ -245,9 +264,9 @@ def merge(into: Path, source: Path) -> Merged:
                     continue
             _copy_files(home, into, result, damaged)
             if before is None:
-                ledger.record(result)
+                ledger.record(result, again=result.key in marked)
             else:
-                replace(into, ledger, result)
+                replace(into, ledger, result, again=result.key in marked)
             counts["added" if before is None else "replaced"] += 1
         planned = _plan(source, ledger)
     return Merged(counts["added"], counts["replaced"], counts["kept"], planned, tuple(conflicts), tuple(left_out))
@@ -261,6 +280,14 @@ def refuse_merging(into: Path, source: Path) -> None:
     results_folder.refuse_lines(into, "merge into a new folder, and export that")
 
 
+def _marked(source: Path) -> set[str]:
+    """The keys of results in whose place the next run measures the cell; lines say of none."""
+    if is_lines(file := results_folder.existing(source)):
+        return set()
+    with Ledger(file, create=False) as ledger:
+        return {row.key for row in ledger.listed() if row.again}
+
+
 def _is_left(folder: Path, damage: Damage) -> bool:
     """Whether what is damaged is there. Files may be deleted to save space."""
     if damage.cell is None or damage.what == "row":
@@ -270,10 +297,8 @@ def _is_left(folder: Path, damage: Damage) -> bool:
 
 def _has_policies(folder: Path, result: Result) -> bool:
     """Whether a folder has all policies that a result has recorded."""
-    recorded = result.measurement is not None and result.measurement.policies is not None
-    return not recorded or result_files.is_there(
-        result_files.cell_files(folder, result.id, result.key).policies, folder
-    )
+    path = result_files.cell_files(folder, result.id, result.key).policies
+    return not _stores_policies(result) or result_files.is_there(path, folder)
 
 
 def _is_better(result: Result, before: Result, whole: tuple[bool, bool]) -> bool:

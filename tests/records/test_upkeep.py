@@ -6,16 +6,17 @@ import hashlib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
-from stlbench.records import results_folder
+from stlbench.records import array_files, results_folder
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import write_lines
-from stlbench.records.result import Result
+from stlbench.records.result import Result, StoredPolicies
 from stlbench.records.result_files import LINES, cell_files
-from stlbench.records.upkeep import Merged, choose, merge, remove, verify
+from stlbench.records.upkeep import Merged, choose, merge, remove, repair, verify
 from stlbench.report import condense
 from stlbench.study.results import Results
 
@@ -301,3 +302,58 @@ def test_a_file_is_no_folder_to_merge_into_and_one_with_results_is_a_source(fold
     for number, source in enumerate((folder / LEDGER, folder / LINES)):
         assert merge(tmp_path / f"new-{number}", source) == counts(added=5)
         assert verify(tmp_path / f"new-{number}").is_whole
+
+
+def with_policies(path: Path, one: Result) -> tuple[Path, Result]:
+    """A folder with a result that has the hashes of its policies, and their file."""
+    arrays = {"selected": {"a": np.arange(99.0)}, "final": {"a": np.ones(9)}}
+    stored = StoredPolicies(*map(array_files.digest, arrays.values()), 4)
+    one = replace(one, measurement=replace(one.measured, policies=stored))
+    array_files.write_arrays(
+        cell_files(path, one.id, one.key).policies,
+        {f"{which}/{name}": array for which, named in arrays.items() for name, array in named.items()},
+    )
+    with Ledger(path / LEDGER) as ledger:
+        ledger.record(one)
+    return path, one
+
+
+def overwritten(path: Path, at: int) -> None:
+    content = bytearray(path.read_bytes())
+    content[at] ^= 0xFF
+    path.write_bytes(content)
+
+
+def test_policies_that_were_damaged_on_the_way_stay_damaged_and_come_back(tmp_path):
+    """Also where the checksums of the ledger were taken of what lay there."""
+    sound, one = with_policies(tmp_path / "sound", result("funnel", 0))
+    damaged, _ = with_policies(tmp_path / "damaged", result("funnel", 0))
+    file = cell_files(damaged, one.id, one.key).policies
+    overwritten(file, 90)
+    assert merge(tmp_path / "into", damaged) == counts(added=1, damaged=(str(file),))
+    (damage,) = verify(tmp_path / "into").damages
+    assert (damage.cell, damage.what, "has no policy at" in damage.problem) == (one.id, "policies", True)
+    assert verify(tmp_path / "into").files == 0
+    assert merge(tmp_path / "into", sound) == counts(replaced=1)
+    assert (verify(tmp_path / "into").files, verify(tmp_path / "into").is_whole) == (1, True)
+    (damaged / LEDGER).unlink()
+    with Ledger(damaged / LEDGER) as ledger:
+        results_folder.take_over(damaged, ledger)
+    assert [damage.what for damage in verify(damaged).damages] == ["policies"]
+    assert merge(damaged, sound) == counts(replaced=1)
+    assert verify(damaged).is_whole
+
+
+def test_a_cell_that_is_to_run_again_is_so_after_a_merge(tmp_path):
+    a, b, c = (result("funnel", seed) for seed in range(3))
+    source = folder_of(tmp_path / "source", *(at(EVENING, one) for one in (a, b, c)))
+    for one in (a, b):
+        cell_files(source, one.id, one.key).traces.unlink()
+    repair(source)
+    into = folder_of(tmp_path / "into", at(MORNING, a))
+    assert merge(into, source) == counts(added=2, replaced=1)
+    with Ledger(into / LEDGER) as ledger:
+        assert ledger.finished(one.key for one in (a, b, c)) == {c.key}
+    assert merge(into, folder_of(tmp_path / "sound", at("2026-11-23", a))) == counts(replaced=1)
+    with Ledger(into / LEDGER) as ledger:
+        assert ledger.finished(one.key for one in (a, b, c)) == {a.key, c.key}
