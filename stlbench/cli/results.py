@@ -88,9 +88,9 @@ def merge(
 ) -> None:
     """Copy the cells of other folders of results, with their traces and policies.
 
-    Of a cell that several folders have, a result that is no failure stays, then one whose files are whole, then the
-    one that was measured last. Cells that were planned and have no result are planned in INTO too. Files are checked
-    against their checksums.
+    Of a cell that several folders have, a result that is no failure stays, then one whose key INTO has planned, then
+    one whose files are whole, then the one that was measured last. Cells that were planned and have no result are
+    planned in INTO too. Files are checked against their checksums.
 
     \b
     Example:
@@ -109,6 +109,9 @@ def _merged(into: Path, counts: Sequence[tuple[Path, Merged]]) -> Iterator[str]:
         yield f"{source}: {count.added} new, {count.replaced} better or newer, {count.kept} left out{planned}"
         for name in count.conflicts:
             warn(f"{name} has other scores in {source}/ than in {into}/, though the keys are the same")
+        if count.other_code:
+            of = f"the keys of {counted(count.other_code, 'cell')} in {source}/ and {into}/ differ"
+            warn(f"{of}, as after a change of code; a result that {into}/ has planned stays, else the later one")
         for file in count.damaged:
             warn(f"{file} is not as it was recorded, and not copied")
 

@@ -197,13 +197,15 @@ class Ledger:
             _insert(database, values(result, self.path.parent, failures, again=again))
 
     def replace(self, result: Result, *, again: bool = False) -> list[str]:
-        """Write one result in place of all others of its cell, and of its place in the plan; the keys these had.
+        """Write one result in place of all others of its cell, and of other keys in the plan; the keys these had.
 
         It is one transaction: whenever this is killed, the old results or the new one are there.
         """
         lines.append(self.path.parent, [result])
         with self._writing() as database:
+            planned = database.execute("SELECT 1 FROM planned WHERE key = ?", (result.key,)).fetchone()
             keys = _remove(database, result.id)
+            _add_plan(database, {result.key: result.id} if planned else {})
             _insert(database, values(result, self.path.parent, int(result.status in ACCIDENTS), again=again))
         return keys
 

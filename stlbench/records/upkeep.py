@@ -233,13 +233,15 @@ class Merged(NamedTuple):
     planned: int  # cells without a result in either folder
     conflicts: tuple[str, ...]  # names of cells with equal keys and different scores: one of the two results stays
     damaged: tuple[str, ...]  # files that differ from their checksums; they were not copied
+    other_code: int = 0  # cells of which the folders have results with different keys
 
 
 def merge(into: Path, source: Path) -> Merged:
     """Copy the results of `source` into the ledger of `into`, their traces, policies and logs, and its plan.
 
-    If both have a result of a cell, one that is no failure stays, else one without damaged files, else the one whose
-    run began later, else that of `into`. A sound result of the source also replaces one that lacks its policies.
+    If both have a result of a cell, one that is no failure stays, else one whose key `into` has planned, else one
+    without damaged files, else the one whose run began later, else that of `into`. A sound result of the source also
+    replaces one that lacks its policies.
     The marks of `repair` are copied. An interrupted merge can be repeated. Raises as `refuse_merging`.
     """
     refuse_merging(into, source)
@@ -249,7 +251,7 @@ def merge(into: Path, source: Path) -> Merged:
     broken, marked = {damage.key for damage in damages if _is_left(home, damage)}, _marked(source)
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with result_files.writing(into), Ledger(into / LEDGER) as ledger:
-        present = {result.id: result for result in ledger.results()}
+        present, keys = {result.id: result for result in ledger.results()}, ledger.planned().keys()
         both = any(result.id in present for result in incoming)  # else no file of `into` need be read
         found = verify(into).damages if both else ()
         lacking = {damage.key for damage in found if damage.what == "policies" or _is_left(into, damage)}
@@ -258,8 +260,9 @@ def merge(into: Path, source: Path) -> Merged:
             left_out += _left_out(home, result, damaged)
             conflicts += [] if before is None or _agree(result, before) else [result.id.name]
             if before is not None:
+                counts["other code"] += result.key != before.key
                 mends = before.key in lacking and _has_policies(home, result)
-                if not _is_better(result, before, (result.key not in broken, not mends)):
+                if not _is_better(result, before, keys, (result.key not in broken, not mends)):
                     counts["kept"] += 1
                     continue
             _copy_files(home, into, result, damaged)
@@ -269,7 +272,8 @@ def merge(into: Path, source: Path) -> Merged:
                 replace(into, ledger, result, again=result.key in marked)
             counts["added" if before is None else "replaced"] += 1
         planned = _plan(source, ledger)
-    return Merged(counts["added"], counts["replaced"], counts["kept"], planned, tuple(conflicts), tuple(left_out))
+    numbers = counts["added"], counts["replaced"], counts["kept"], planned
+    return Merged(*numbers, tuple(conflicts), tuple(left_out), counts["other code"])
 
 
 def refuse_merging(into: Path, source: Path) -> None:
@@ -301,14 +305,15 @@ def _has_policies(folder: Path, result: Result) -> bool:
     return not _stores_policies(result) or result_files.is_there(path, folder)
 
 
-def _is_better(result: Result, before: Result, whole: tuple[bool, bool]) -> bool:
-    """No failure is better than a failure, then what is `whole` than what is not, then the later run.
+def _is_better(result: Result, before: Result, planned: Collection[str], whole: tuple[bool, bool]) -> bool:
+    """No failure is better than a failure, then a key that was planned, then what is `whole`, then the later run.
 
-    Times are in UTC, so that texts compare as times do.
+    A result of older code may be the later one, and no run would count it. Times are in UTC, so that texts compare as
+    times do.
     """
 
-    def rank(one: Result, is_whole: bool) -> tuple[bool, bool, str]:
-        return one.status not in ACCIDENTS, is_whole, one.provenance.get("time", "")
+    def rank(one: Result, is_whole: bool) -> tuple[bool, bool, bool, str]:
+        return one.status not in ACCIDENTS, one.key in planned, is_whole, one.provenance.get("time", "")
 
     return rank(result, whole[0]) > rank(before, whole[1])
 

@@ -8,6 +8,7 @@ import json
 import os
 import re
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -193,8 +194,15 @@ def test_merging_says_how_many(say, ledger):
     assert done.stdout == "more: 1 new, 0 better or newer, 1 left out\n"
     again = json.loads(say("results", "merge", "results", "more", "--json").stdout)
     assert again == [
-        {"from": "more", "added": 0, "replaced": 0, "kept": 2, "planned": 0, "conflicts": [], "damaged": []},
+        {"from": "more", "added": 0, "replaced": 0, "kept": 2, "planned": 0, "conflicts": [], "damaged": []}
+        | {"other_code": 0},
     ]
+    write_lines([replace(result("funnel"), key="of older code")], Path("old") / LINES)
+    done = say("results", "merge", "results", "old")
+    assert done.stderr == (
+        "warning: the keys of 1 cell in old/ and results/ differ, as after a change of code; "
+        "a result that results/ has planned stays, else the later one\n"
+    )
 
 
 def test_the_last_two_lines_say_where_all_tables_are(ledger, say):

@@ -44,8 +44,8 @@ def at(time: str, one: Result, key: str | None = None) -> Result:
     return replace(one, provenance={"time": time}, key=key or one.key)
 
 
-def counts(added=0, replaced=0, kept=0, planned=0, conflicts=(), damaged=()):
-    return Merged(added, replaced, kept, planned, conflicts, damaged)
+def counts(added=0, replaced=0, kept=0, planned=0, conflicts=(), damaged=(), other_code=0):
+    return Merged(added, replaced, kept, planned, conflicts, damaged, other_code)
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
     a, b, c = (result("funnel", seed) for seed in range(3))
     into = folder_of(tmp_path / "into", at(MORNING, a), at(EVENING, b), at(MORNING, result("flag")))
     source = folder_of(tmp_path / "source", at(EVENING, a, "newer"), at(MORNING, b), at(MORNING, c))
-    assert merge(into, source) == counts(added=1, replaced=1, kept=1)
+    assert merge(into, source) == counts(added=1, replaced=1, kept=1, other_code=1)
     merged = {one.id.name: one for one in Results.load(into)}
     assert len(merged) == 4
     assert merged[a.id.name].key == "newer"
@@ -176,7 +176,7 @@ def test_other_scores_under_the_same_key_are_named_but_not_of_an_edited_plugin(t
     edited = replace(result("funnel", 2, robustness=(0.1, 0.2)), key="f" * 64)
     into = folder_of(tmp_path / "into", at(MORNING, a), at(MORNING, b), at(MORNING, c))
     source = folder_of(tmp_path / "source", at(EVENING, other), at(EVENING, slower), at(EVENING, edited))
-    assert merge(into, source) == counts(replaced=3, conflicts=("hold-disc/funnel/dqn/0",))
+    assert merge(into, source) == counts(replaced=3, conflicts=("hold-disc/funnel/dqn/0",), other_code=1)
 
 
 def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
@@ -222,11 +222,11 @@ def test_a_damaged_result_takes_the_place_of_no_sound_one(tmp_path):
         source = folder_of(tmp_path / key / "source", at(EVENING, a, key))
         file = cell_files(source, a.id, key).policies
         file.write_text("not as it was recorded")
-        assert merge(into, source) == counts(kept=1, damaged=(str(file),))
+        assert merge(into, source) == counts(kept=1, damaged=(str(file),), other_code=key != a.key)
         assert [path.read_text() for path in cell_files(into, a.id, a.key)[:2]] == ["into"] * 2
         assert verify(into).is_whole
     failed = folder_of(tmp_path / "failed", at(EVENING, result("funnel", 0, "killed")))
-    assert merge(failed, source) == counts(replaced=1, damaged=(str(file),))
+    assert merge(failed, source) == counts(replaced=1, damaged=(str(file),), other_code=1)
 
 
 def test_a_sound_result_takes_the_place_of_a_damaged_one(tmp_path):
@@ -357,3 +357,19 @@ def test_a_cell_that_is_to_run_again_is_so_after_a_merge(tmp_path):
     assert merge(into, folder_of(tmp_path / "sound", at("2026-11-23", a))) == counts(replaced=1)
     with Ledger(into / LEDGER) as ledger:
         assert ledger.finished(one.key for one in (a, b, c)) == {a.key, c.key}
+
+
+def test_a_result_whose_key_was_planned_stays_though_older_code_ran_later(tmp_path):
+    a = at(MORNING, result("funnel", 0))
+    into = folder_of(tmp_path / "into", a)
+    with Ledger(into / LEDGER) as ledger:
+        ledger.plan({a.key: a.id})
+    old = folder_of(tmp_path / "old", at(EVENING, a, "older"))
+    assert merge(into, old) == counts(kept=1, other_code=1)
+    assert merge(into, folder_of(tmp_path / "again", at(EVENING, a))) == counts(replaced=1)
+    assert merge(into, folder_of(tmp_path / "later", at("2026-11-23", a, "older"))) == counts(kept=1, other_code=1)
+    assert [one.key for one in Results.load(into)] == [a.key]
+    assert merge(old, into) == counts(kept=1, other_code=1)  # it has no plan, and its own began as late
+    with Ledger(old / LEDGER) as ledger:
+        ledger.plan({a.key: a.id})
+    assert merge(old, into) == counts(replaced=1, other_code=1)
