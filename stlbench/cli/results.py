@@ -18,6 +18,7 @@ from stlbench.errors import UsageError, counted, one_line
 from stlbench.records import upkeep
 from stlbench.records.ledger import LEDGER
 from stlbench.records.result import reported
+from stlbench.records.results_folder import locate
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import way_out
 from stlbench.records.upkeep import Merged, Verified
@@ -192,7 +193,7 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
         yield f"{counted(verified.marked, 'cell')} {are} marked, for the next `stlbench run` to measure again"
     if strays:
         yield "files without a result: rows were lost, or a run was killed; keep them or delete them"
-    if verified.damages and (folder / LEDGER).is_file():
+    if verified.damages and locate(folder) == folder / LEDGER:
         again = "the `stlbench run` that measured them measures them again"
         yield f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}"
 

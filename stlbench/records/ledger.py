@@ -76,15 +76,15 @@ class Ledger:
                 self._warn(f"a part of {what}", str(error))
         return cells
 
-    def _rows(self, table: str, columns: str, *, from_index: bool = False) -> list[tuple[Any, ...]]:
-        """Number and columns of a table's rows, in the order of their numbers.
+    def _rows(self, table: str, columns: str, *, from_index: bool = False, most: int = -1) -> list[tuple[Any, ...]]:
+        """Number and columns of a table's rows, in the order of their numbers; no more than `most` of them.
 
         `from_index` reads an index that has all these columns, which is far shorter than the table. It does not see
         damage of the table alone.
         """
         if self._database is None:
             return []
-        query = f"SELECT rowid, {columns} FROM {table}{'' if from_index else ' NOT INDEXED'}"  # noqa: S608
+        query = f"SELECT rowid, {columns} FROM {table}{'' if from_index else ' NOT INDEXED'} LIMIT {most}"  # noqa: S608
         try:
             size = prod(_first(self._database.execute(f"PRAGMA {name}")) for name in ("page_count", "page_size"))
             return sorted(_within(self._database.execute(query), size), key=itemgetter(0))
@@ -211,8 +211,9 @@ class Ledger:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has neither a plan nor a result."""
-        return not self.planned() and not self.listed()
+        """Whether it has neither a plan nor a row, nor lists one that is gone."""
+        tables = ("cells", "planned", *(["recorded"] if self._lists_rows else []))
+        return not any(self._rows(table, "key", most=1) for table in tables)
 
     def fill(self, cells: Mapping[str, CellId], results: Iterable[Result]) -> None:
         """Write the cells of a study, by key, and results, all or none of them."""

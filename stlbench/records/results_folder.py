@@ -19,10 +19,25 @@ from stlbench.records.result_files import LINES, PACKED, followed
 def locate(path: Path) -> Path | None:
     """The file that has the results: `path` itself, or that of a folder which goes before the others. None without one.
 
-    A link that the user names is followed; one in a folder is refused by what reads it.
+    An empty ledger beside lines that have results does not count: a run fills it from them (`take_over`). A link that
+    the user names is followed; one in a folder is refused by what reads it.
     """
     candidates = tuple(path / name for name in (LEDGER, LINES, PACKED)) if path.is_dir() else (followed(path),)
-    return next((file for file in candidates if file.is_file()), None)
+    there = [file for file in candidates if file.is_file()]
+    if there[1:] and there[0].name == LEDGER and _is_empty(there[0]) and not _is_empty(there[1]):
+        del there[0]
+    return next(iter(there), None)
+
+
+def _is_empty(file: Path) -> bool:
+    """Whether a file has neither results nor a plan; of one that cannot be read, its reader says why."""
+    try:
+        if lines.is_lines(file):
+            return not any(True for _ in lines.entries(file))
+        with Ledger(file, create=False) as ledger:
+            return ledger.is_empty
+    except (UsageError, OSError):
+        return False
 
 
 def folder_of(path: Path) -> Path:
@@ -95,8 +110,8 @@ def refuse_lines(folder: Path, way: str) -> None:
     """
     if folder.is_file():
         raise UsageError(f"{folder} is a file; name a folder of results")
-    if (file := locate(folder)) and not (folder / LEDGER).is_file():
-        raise UsageError(f"{folder} has no {LEDGER} but {file.name}; {way}")
+    if (file := locate(folder)) and file.name != LEDGER:
+        raise UsageError(f"{folder} has no {LEDGER} with results but {file.name}; {way}")
 
 
 def existing(path: Path) -> Path:

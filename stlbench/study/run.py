@@ -105,7 +105,7 @@ def missing_cells(study: Study, cells: Sequence[Cell]) -> tuple[list[Cell], list
 @contextmanager
 def _looked_up(folder: Path, recorded: Sequence[Result]) -> Iterator[Ledger]:
     """The ledger of a folder, else one elsewhere with its results, as a run would write it."""
-    if (own := folder / LEDGER).is_file():
+    if results_folder.locate(folder) == (own := folder / LEDGER):
         with Ledger(own) as ledger:
             yield ledger
         return

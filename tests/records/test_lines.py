@@ -17,7 +17,7 @@ from stlbench.records import lines, results_folder
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.result_files import LINES, PACKED
 from stlbench.records.rows import LedgerWarning
-from stlbench.records.upkeep import merge, remove
+from stlbench.records.upkeep import merge, remove, verify
 
 
 @pytest.fixture
@@ -123,6 +123,38 @@ def test_packed_lines_are_read_as_others_and_are_the_same_bytes_at_any_time(fold
         results_folder.take_over(folder / "later", ledger)
         assert ledger.missing() == [result(seed=3).id]
     assert seeds(folder / "later") == [0, 1, 2]  # from here on the run writes there
+
+
+@pytest.mark.parametrize("how", ["no bytes", "no rows"])
+@pytest.mark.parametrize("name", [LINES, PACKED])
+def test_an_empty_ledger_beside_lines_does_not_count(folder, how, name):
+    """As a run leaves it that is killed, or finds no space, before it has the lines in its ledger."""
+    planned = results_folder.missing(folder)
+    lines.write_lines(results_folder.read(folder), folder / name, planned)
+    for file in (LEDGER, LINES if name == PACKED else PACKED):
+        (folder / file).unlink(missing_ok=True)
+    (folder / LEDGER).touch()
+    if how == "no rows":
+        with Ledger(folder / LEDGER) as ledger:
+            ledger.plan({})
+    assert results_folder.locate(folder) == folder / name
+    results = [keyed(seed) for seed in range(3)]
+    assert (list(results_folder.read(folder)), results_folder.missing(folder)) == (results, planned)
+    assert verify(folder).rows == 3
+    with pytest.raises(UsageError, match=f"no ledger.sqlite with results but {name}; go"):
+        results_folder.refuse_lines(folder, "go")
+    with Ledger(folder / LEDGER) as ledger:
+        results_folder.take_over(folder, ledger)
+    assert results_folder.locate(folder) == folder / LEDGER
+    assert (list(results_folder.read(folder)), results_folder.missing(folder)) == (results, planned)
+
+
+def test_a_folder_of_which_all_was_removed_is_still_one_with_a_ledger(folder, tmp_path):
+    remove(folder, [keyed(seed).id for seed in range(3)])
+    assert results_folder.locate(folder) == folder / LEDGER
+    with Ledger(tmp_path / "other" / LEDGER) as ledger:
+        ledger.record(keyed(7))
+    assert merge(folder, tmp_path / "other").added == 1
 
 
 @pytest.mark.parametrize("how", ["cut", "noise", "text", "bomb", "twice", "much"])

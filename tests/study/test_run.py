@@ -99,7 +99,7 @@ def test_a_study_ends_with_the_first_result_that_is_asked_for_and_is_not_begun_a
     assert study(tmp_path, cells)[0] == [("c", 60)]
 
 
-@pytest.mark.parametrize("as_text", [False, True])
+@pytest.mark.parametrize("as_text", [False, True, "beside an empty ledger"])
 @pytest.mark.parametrize("keep_old", [False, True])
 def test_a_dry_run_names_what_would_run(tmp_path, keep_old, as_text):
     """Also where a result is of other code, an accident of it, or to be measured again."""
@@ -115,6 +115,8 @@ def test_a_dry_run_names_what_would_run(tmp_path, keep_old, as_text):
             ledger.mark(cells[3].key, cells[3].key)
     if as_text:
         (tmp_path / LEDGER).unlink()
+    if as_text == "beside an empty ledger":
+        (tmp_path / LEDGER).touch()
     before = sorted(path.name for path in tmp_path.iterdir())
     described = Study.of({"tasks": "a", "methods": "b", "results": tmp_path, "keep_old": keep_old})
     named = [cell.id.method.name for cell in run.missing_cells(described, cells)[0]]
