@@ -18,7 +18,7 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records import lines
 from stlbench.records.identity import IDENTITY, MOST, OUTSIDE, CellId, Name, valid
 from stlbench.records.result import ACCIDENTS, Result, Status, plain
-from stlbench.records.rows import OTHER, Inspected, LedgerWarning, Row, cell_of, result_of, texts, values
+from stlbench.records.rows import OTHER, Inspected, LedgerWarning, Row, agree, cell_of, result_of, texts, values
 from stlbench.records.schema import COLUMNS, LISTED, VERSION, is_damaged, is_sqlite, opened, unusable
 
 LEDGER = "ledger.sqlite"  # its name in a folder of results
@@ -117,8 +117,8 @@ class Ledger:
         content = self._content(number, key)
         if isinstance(content, str):
             return Inspected(key, row.cell if row else None, {}, one_line(content), again)
-        result, files = content
-        if row is None or not row.is_of(result):
+        result, files, said = content
+        if row is None or not agree(said, result):
             return Inspected(key, result.id, {}, OTHER, again, result.key)
         return Inspected(key, result.id, files, result, again)
 
@@ -140,26 +140,27 @@ class Ledger:
         self._warn(f"the row of {row.cell.name}", content if isinstance(content, str) else OTHER)
         return None
 
-    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str]] | str:
-        """A row's result and the checksums of its files; or what is wrong with the row."""
+    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str], Mapping[str, Any]] | str:
+        """A row's result, the checksums of its files, and all its columns; or what is wrong with the row."""
         assert self._database is not None
-        query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
+        query = "SELECT * FROM cells WHERE rowid = ? AND key = ?"
         try:
-            found = self._database.execute(query, (number, key)).fetchone()
+            cursor = self._database.execute(query, (number, key))
+            found = cursor.fetchone()
         except sqlite3.DatabaseError as error:
             if is_damaged(error):
                 raise unusable("read", self.path, error) from error
             return str(error)
         if found is None:
             return "it is not where the index has it"
-        text, checksum, files = found
+        columns = {name: value for (name, *_), value in zip(cursor.description, found, strict=True)}
         try:
-            result, checksums = result_of(text, checksum), plain(files)
+            result, checksums = result_of(columns["result"], columns["checksum"]), plain(columns["files"])
         except ValueError as error:
             return str(error).splitlines()[0]
         if not isinstance(checksums, dict):
-            return f"checksums of its files are an object, got {files!r:.80}"
-        return result, checksums
+            return f"checksums of its files are an object, got {columns['files']!r:.80}"
+        return result, checksums, columns
 
     def _warn(self, what: str, problem: str) -> None:
         way = f"`stlbench verify {self.path.parent} --repair` has it measured again"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -47,20 +48,42 @@ def texts(cell: CellId) -> tuple[str | int, ...]:
 
 def values(result: Result, folder: Path, failures: int, *, again: bool = False) -> dict[str, str | int | float | None]:
     """Column -> value of the row of a result that is recorded now, in a folder that has its files already."""
-    measured, text = result.measurement, to_json(result)
+    text = to_json(result)
+    return {
+        **_columns(result),
+        "recorded_at": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "result": text,
+        "checksum": checksum_of(text),
+        "files": json.dumps(checksums_beside(folder, result) if result.measurement else {}),
+        "failures": failures,
+        "again": int(again),
+    }
+
+
+def _columns(result: Result) -> dict[str, str | int | float | None]:
+    """The columns that repeat parts of the result, for SQL."""
+    measured = result.measurement
     return {
         "key": result.key,
         **result.id.plain,
         "status": result.status,
         "reason": result.reason,
         **{name: None if measured is None else datum.of(measured) for name, datum in SCHEMA.items() if datum.ledger},
-        "recorded_at": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "result": text,
-        "checksum": checksum_of(text),
-        "files": json.dumps(checksums_beside(folder, result) if measured else {}),
-        "failures": failures,
-        "again": int(again),
     }
+
+
+def agree(columns: Mapping[str, Any], result: Result) -> bool:
+    """Whether the columns of a row say what its result says.
+
+    A number may be NULL: its column is newer than the row, or it is NaN. Another machine may round a mean otherwise.
+    """
+
+    def is_same(stored: Any, told: str | int | float | None) -> bool:
+        if isinstance(told, float) and (stored is None or isinstance(stored, float)):
+            return stored is None or math.isclose(stored, told, rel_tol=1e-9, abs_tol=1e-9)
+        return bool(stored == told)
+
+    return all(is_same(columns.get(name), told) for name, told in _columns(result).items())
 
 
 def result_of(text: Any, checksum: Any) -> Result:

@@ -150,7 +150,11 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
 
 @pytest.mark.filterwarnings("ignore::stlbench.records.rows.LedgerWarning")
 @pytest.mark.parametrize(
-    "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
+    "column",
+    [
+        *("seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"),
+        *("robustness_mean=99", "satisfaction='x'", "reason='why'"),
+    ],
 )
 def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
     say(folder / LEDGER, f"UPDATE cells SET {column} WHERE seed = 1")
