@@ -48,7 +48,8 @@ def remove(
         typer.Argument(metavar="[CELL]...", help="Names, task/method/agent/seed; '*' stands for any characters."),
     ] = None,
     status: Annotated[
-        list[str] | None, typer.Option(metavar="STATUS", help="Only cells that ended so. May be given several times.")
+        list[str] | None,
+        typer.Option(metavar="STATUS", help="Only cells that ended so, or 'not run'. May be given several times."),
     ] = None,
     budget: Annotated[str | None, typer.Option(metavar="NAME", help="Only cells of this budget.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
@@ -57,7 +58,8 @@ def remove(
     """Remove cells from the ledger, with their traces, policies and logs: `stlbench run` measures them again.
 
     At least one of CELL, --status and --budget is needed; a cell is removed if all that are given fit. Prints the
-    cells, and asks before it removes them. Where other seeds of a cell stay, tables count it as not run. --json prints
+    cells, and asks before it removes them. Where other seeds of a cell stay, tables count it as not run; a setting that
+    was planned and has no result can be removed too. --json prints
     a list of them and needs --yes.
 
     \b
@@ -69,12 +71,12 @@ def remove(
     if as_json and not yes:
         raise UsageError("--json cannot ask for a yes; add --yes")
     if not as_json:
-        for result in chosen:
-            typer.echo(f"{result.id.name} {result.id.budget} {result.status}")
+        for cell, how in chosen.items():
+            typer.echo(f"{cell.name} {cell.budget} {how}")
         if not yes:
             typer.confirm(f"Remove {counted(len(chosen), 'cell')} from {folder}/?", abort=True, err=True)
-    upkeep.remove(folder, [result.id for result in chosen])
-    facts = [{"cell": result.id.name, "budget": result.id.budget, "status": result.status} for result in chosen]
+    upkeep.remove(folder, chosen)
+    facts = [{"cell": cell.name, "budget": cell.budget, "status": how} for cell, how in chosen.items()]
     removed = f"Removed {counted(len(chosen), 'cell')} from {folder}/"
     show(as_json, facts, [f"{removed}; the tables there change with `stlbench report`"])
 

@@ -15,7 +15,7 @@ from stlbench.records import array_files, result_files, results_folder
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import LEDGER, Ledger
 from stlbench.records.lines import is_lines
-from stlbench.records.result import ACCIDENTS, Result, Status
+from stlbench.records.result import ACCIDENTS, NOT_RUN, Result, Status
 from stlbench.records.rows import checksums_beside
 from stlbench.records.schema import way_out
 
@@ -157,27 +157,29 @@ def choose(
     names: Collection[str] | None = None,
     statuses: Collection[str] | None = None,
     budget: str | None = None,
-) -> list[Result]:
-    """The results in a folder's ledger that meet all conditions; in names, `*` stands for any characters.
+) -> dict[CellId, str]:
+    """The cells in a folder's ledger that meet all conditions, with their statuses; in names, `*` stands for any
+    characters. A cell without a result is among them if its setting has none: beside other seeds it stays planned.
 
     Raises `UsageError` if there is no condition or no ledger, or a name or status fits no cell.
     """
     if not (names or statuses or budget):
         raise UsageError("which cells? Name them, or say --status or --budget")
     for status in statuses or ():
-        if status not in get_args(Status):
-            raise UsageError(f"no status '{status}'{did_you_mean(status, get_args(Status))}")
+        if status not in (known := (*get_args(Status), NOT_RUN)):
+            raise UsageError(f"no status '{status}'{did_you_mean(status, known)}")
     with Ledger(folder / LEDGER, create=False) as ledger:
-        results = list(ledger.results())
+        cells: dict[CellId, str] = {result.id: result.status for result in ledger.results()}
+        measured = {cell.setting for cell in ledger.present()}
+        cells |= {cell: NOT_RUN for cell in ledger.missing() if cell.setting not in measured}
     if names:
-        known = {result.id.name for result in results}
-        fitting = [pattern for name in names if (pattern := _pattern(name, known))]
-        results = [result for result in results if any(pattern.fullmatch(result.id.name) for pattern in fitting)]
-    chosen = [
-        result
-        for result in results
-        if (not statuses or result.status in statuses) and budget in (None, result.id.budget)
-    ]
+        fitting = [_pattern(name, {cell.name for cell in cells}) for name in names]
+        cells = {cell: status for cell, status in cells.items() if any(one.fullmatch(cell.name) for one in fitting)}
+    chosen = {
+        cell: status
+        for cell, status in cells.items()
+        if (not statuses or status in statuses) and budget in (None, cell.budget)
+    }
     if not chosen:
         raise UsageError(f"no such cell in {folder / LEDGER}")
     return chosen
@@ -197,7 +199,7 @@ def remove(folder: Path, cells: Collection[CellId]) -> None:
     with result_files.writing(folder), Ledger(folder / LEDGER, create=False) as ledger:
         keys = ledger.counted()
         staying = {cell.setting for cell in keys.keys() - cells if cell.track != OUTSIDE}
-        leaving = {cell.setting for cell in cells} - staying
+        leaving = {cell.setting for cell in cells if cell in keys} - staying
         for cell in {*cells, *(cell for cell in ledger.planned().values() if cell.setting in leaving)}:
             take_out(folder, ledger, cell)
         ledger.plan_also({keys[cell]: cell for cell in cells if cell in keys and cell.setting in staying})

@@ -119,6 +119,23 @@ def seen(folder):
     return results.results, results.missing
 
 
+def test_a_setting_that_was_planned_and_never_measured_can_be_removed(folder):
+    planned = [result("funnel", seed, budget="paper").id for seed in range(2)]
+    with Ledger(folder / LEDGER) as ledger:
+        ledger.plan({f"key {cell.seed}": cell for cell in planned})
+        ledger.plan_also({"beside others": result("funnel", 2).id})
+    expected = dict.fromkeys(planned, "not run")
+    assert choose(folder, budget="paper") == choose(folder, statuses=["not run"]) == expected
+    assert choose(folder, names=["*/funnel/*"], statuses=["not run"]) == expected
+    remove(folder, planned[:1])
+    assert choose(folder, budget="paper") == {planned[1]: "not run"}
+    remove(folder, planned[1:])
+    assert Results.load(folder).missing == (result("funnel", 2).id,)
+    with pytest.raises(UsageError, match="no such cell"):
+        choose(folder, budget="paper")
+    assert len(Results.load(folder)) == 5
+
+
 def test_a_policy_from_outside_that_was_removed_is_gone(tmp_path):
     """No run measures it again."""
     both = [result("funnel", seed, track="outside") for seed in range(2)]
