@@ -18,6 +18,7 @@ from stlbench.errors import UsageError, counted, one_line
 from stlbench.records import upkeep
 from stlbench.records.ledger import LEDGER
 from stlbench.records.result import reported
+from stlbench.records.result_files import LINES
 from stlbench.records.results_folder import locate
 from stlbench.records.rows import LedgerWarning
 from stlbench.records.schema import way_out
@@ -138,7 +139,8 @@ def verify(
 
     Rows and files are compared with the checksums that were recorded with them. Whatever is damaged or missing is
     named, and the exit code is 1. With --repair these cells are marked, and the `stlbench run` that measured them
-    measures them again; their results stay until then, and the exit code is 0. Of a ledger that SQLite cannot read it
+    measures them again; their results stay until then, and the exit code is 0. Lines of cells.jsonl that cannot be
+    read are written anew from the ledger. Of a ledger that SQLite cannot read it
     says the ways out: --repair does not help there.
 
     A bundle is compared with its own list of checksums. With --rescore the referee scores the policies in it on this
@@ -181,12 +183,14 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
         yield f"{file} is damaged: {first}{others}; {way_out(file)}"
         return
     damaged, strays = len({damage.key for damage in verified.damages}), verified.strays
+    yield from [verified.lines] if verified.lines else []
     yield from (f"{damage.name}: {damage.what}: {damage.problem}" for damage in verified.damages)
     yield from (f"{name}: the ledger has no result for this file" for name in strays[:_SHOWN])
     if len(strays) > _SHOWN:
         yield f"and {len(strays) - _SHOWN} more files"
     parts = [f"{damaged} with damage"] if damaged else []
     parts += [f"{counted(len(strays), 'file')} without a result"] if strays else []
+    parts += [f"{LINES} is damaged"] if verified.lines else []
     verdict = ", ".join(parts) or ("whole" if verified.rows else "empty")
     where = folder if folder.is_file() else f"{folder}/"
     yield f"{where}: {counted(verified.rows, 'row')}, {verified.files} files as they were recorded: {verdict}"
@@ -195,6 +199,8 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
         yield f"{counted(verified.marked, 'cell')} {are} marked, for the next `stlbench run` to measure again"
     if strays:
         yield "files without a result: rows were lost, or a run was killed; keep them or delete them"
+    if verified.lines:
+        yield f"--repair writes {LINES} anew from a ledger of which no row is damaged"
     if verified.damages and locate(folder) == folder / LEDGER:
         again = "the `stlbench run` that measured them measures them again"
         yield f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}"

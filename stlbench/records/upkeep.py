@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import warnings
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -14,9 +15,10 @@ from stlbench.errors import UsageError, did_you_mean, one_line
 from stlbench.records import array_files, result_files, results_folder
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import LEDGER, Ledger
-from stlbench.records.lines import is_lines
+from stlbench.records.lines import entries, is_lines, write_lines
 from stlbench.records.result import ACCIDENTS, NOT_RUN, Result, Status
-from stlbench.records.rows import checksums_beside
+from stlbench.records.result_files import LINES
+from stlbench.records.rows import LedgerWarning, checksums_beside
 from stlbench.records.schema import way_out
 
 
@@ -42,10 +44,12 @@ class Verified(NamedTuple):
     marked: int  # how many cells the next run measures
     strays: tuple[str, ...] = ()
     """Files of traces and policies in the folder without a row and a plan: rows may be lost."""
+    lines: str = ""
+    """What is wrong with `cells.jsonl`, which takes the place of a ledger that is lost; empty if nothing is."""
 
     @property
     def is_whole(self) -> bool:
-        return not (self.structure or self.damages or self.strays)
+        return not (self.structure or self.damages or self.strays or self.lines)
 
 
 def verify(folder: Path) -> Verified:
@@ -78,7 +82,20 @@ def verify(folder: Path) -> Verified:
             damages=tuple(damages),
             marked=marked,
             strays=tuple(_strays(folder, keys)) if sound else (),
+            lines=_unreadable(folder / LINES),
         )
+
+
+def _unreadable(file: Path) -> str:
+    """Why lines cannot be read; empty if they can, or there are none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LedgerWarning)  # the next run mends a line that was cut
+        try:
+            for _ in entries(file) if os.path.lexists(file) else ():
+                pass
+        except UsageError as error:
+            return one_line(error)
+    return ""
 
 
 def _verify_lines(file: Path, folder: Path) -> Verified:
@@ -137,7 +154,8 @@ def _wrong_policies(folder: Path, result: Result) -> str:
 def repair(folder: Path) -> Verified:
     """Mark the cells with a damaged or missing part, so that the next run measures them; what was damaged.
 
-    Their results stay until then. Raises `UsageError` if the structure of the ledger is damaged, or there is none.
+    Their results stay until then. Lines that cannot be read are written anew, unless a row is damaged, as they may have
+    its result. Raises `UsageError` if the structure of the ledger is damaged, or there is none.
     """
     results_folder.refuse_lines(folder, "take damaged files from where they came")
     Ledger(folder / LEDGER, create=False).close()  # else the lock would make a folder that the user mistyped
@@ -149,6 +167,8 @@ def repair(folder: Path) -> Verified:
             with Ledger(folder / LEDGER) as ledger:
                 for damage in checked.damages:
                     ledger.mark(damage.key, damage.own_key or damage.key)
+        if checked.lines and not any(damage.what == "row" for damage in checked.damages):
+            write_lines(results_folder.read(folder), folder / LINES, results_folder.missing(folder))
     return checked
 
 

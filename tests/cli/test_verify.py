@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.errors import DiskFull
 from stlbench.records.ledger import LEDGER, Ledger
+from stlbench.records.result_files import LINES
 from stlbench.share.bundle import check
 
 
@@ -67,6 +68,17 @@ def test_a_ledger_that_sqlite_cannot_read_is_one_line_with_the_ways_out(folder):
     for command in (["report", folder], ["verify", folder, "--repair"], ["export", folder]):
         assert ways in refused(CliRunner().invoke(app, list(map(str, command))))
     file.unlink()
+    assert say(folder).stdout == f"{folder}/: 3 rows, 0 files as they were recorded: whole\n"
+
+
+def test_a_damaged_line_is_named_and_written_anew(folder):
+    file = folder / LINES
+    file.write_text(file.read_text().replace('"status": "done"', '"status": "d', 1))
+    done = say(folder)
+    assert (done.exit_code, done.stdout.count("\n")) == (1, 3)
+    assert done.stdout.startswith(f"{file}, line 1: not a result as")
+    assert "3 rows, 0 files as they were recorded: cells.jsonl is damaged\n--repair writes cells.jsonl" in done.stdout
+    assert say(folder, "--repair").exit_code == 0
     assert say(folder).stdout == f"{folder}/: 3 rows, 0 files as they were recorded: whole\n"
 
 

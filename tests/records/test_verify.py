@@ -213,3 +213,29 @@ def test_repair_makes_no_folder_that_was_mistyped(tmp_path):
     with pytest.raises(UsageError, match="there is no ledger at"):
         repair(tmp_path / "typo")
     assert not (tmp_path / "typo").exists()
+
+
+def test_lines_that_cannot_be_read_are_named_and_written_anew(folder):
+    with Ledger(folder / LEDGER) as ledger:
+        ledger.plan_also({keyed(3).key: keyed(3).id})
+    whole = (folder / LINES).read_text()
+    damaged = whole.replace('"status": "done"', '"status": "d', 1)
+    (folder / LINES).write_text(damaged)
+    found = verify(folder)
+    assert (found.is_whole, found.damages, f"{folder / LINES}, line 1: not a result" in found.lines) == (
+        False,
+        (),
+        True,
+    )
+    say(folder / LEDGER, "UPDATE cells SET result = '{}' WHERE seed = 1")
+    repair(folder)
+    assert (folder / LINES).read_text() == damaged  # it may have the result of the damaged row
+    with Ledger(folder / LEDGER) as ledger:
+        ledger.record(keyed(1))
+    assert repair(folder).lines == found.lines
+    assert verify(folder).is_whole
+    planned = results_folder.missing(folder)
+    (folder / LEDGER).unlink()
+    assert [entry.id.seed for entry in results_folder.read(folder)] == [0, 1, 2]
+    assert results_folder.missing(folder) == planned == {keyed(3).key: keyed(3).id}
+    assert verify(folder).is_whole
