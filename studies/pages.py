@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import joss
+import learners
 import page_reference
 import page_schedules
 import page_suite
@@ -64,6 +65,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "docs/robots.md": {
         "robots": page_tasks.robots,
+        "learners": learners.page,
     },
     "paper/paper.md": {
         "scope": joss.scope,

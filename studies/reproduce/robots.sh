@@ -1,9 +1,10 @@
 # Robots on which people publish, five seeds of two methods on the track auto; an ant by one method.
 # CPU time: 7 hours
-# Makes: robots
+# Makes: robots learners
 stlbench run studies/robots.yaml
 stlbench report results/robots
 stlbench export results/robots --format jsonl
 stlbench run studies/robots-ant.yaml --methods raw
 stlbench report results/robots-ant
 stlbench export results/robots-ant --format jsonl
+for task in cheetah-band walker-band fetch-avoid; do python studies/learners.py $task 100; done
