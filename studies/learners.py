@@ -134,7 +134,7 @@ def _told(found: list[dict[str, str]], task: str, learner: str) -> str:
     seconds = median(float(row["cpu"]) if done else inf for row, done in zip(mine, learned, strict=True))
     best = 100 * max(float(row["best"]) for row in mine)
     text = f"{seconds:.0f}" if seconds < inf else f"> {LIMIT:.0f} ({best:.0f} %)"
-    return text if len(mine) == 1 else f"{text}; {sum(learned)} of {len(mine)}"
+    return text if all(learned) or len(mine) == 1 else f"{text}; {sum(learned)} of {len(mine)}"
 
 
 def main(name: str, seed: int, learners: list[str]) -> None:

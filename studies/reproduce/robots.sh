@@ -7,4 +7,5 @@ stlbench export results/robots --format jsonl
 stlbench run studies/robots-ant.yaml --methods raw
 stlbench report results/robots-ant
 stlbench export results/robots-ant --format jsonl
-for task in cheetah-band walker-band fetch-avoid; do python studies/learners.py $task 100; done
+for task in cheetah-band fetch-avoid walker-band; do python studies/learners.py $task 100; done
+for task in cheetah-band fetch-avoid; do python studies/learners.py $task 101; done
