@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
@@ -26,6 +25,7 @@ from row_by_row import add, rows
 from stlbench.contract import Agent, Environment, Policy, StatePolicy, Training
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.simulation.referee import Referee
+from stlbench.study.trial import Clock
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.tracks.auto import automatic, recipe
 from stlbench_agents.policies import ActorPolicy
@@ -83,22 +83,21 @@ def measured(name: str, learner: str, seed: int) -> dict[str, Any]:
     own = {"sbx-td3": (JaxTD3, "sb3-td3"), "sbx-sac": (JaxSAC, "sb3-sac")}
     kind, named = own.get(learner, (None, learner))
     task = automatic(load_task(name), named.partition("[")[0])
-    paused, shares = 0.0, list[tuple[float, float, int]]()
+    shares = list[tuple[float, float, int]]()
     method = build_method(task, "raw")
     agent: Agent = build_agent(task, named) if kind is None else kind(**_numbers(recipe(named, task)))
     referee = Referee(task, method)
 
     def report(policy: Policy | StatePolicy, steps: int) -> bool:
-        nonlocal paused
-        since = time.process_time()
+        clock.pause()
         share, _ = referee.select(policy)
-        shares.append((since - began - paused, share, steps))
-        paused += time.process_time() - since
+        shares.append((clock.cpu, share, steps))
+        clock.go_on()
         return share >= WANTED or shares[-1][0] >= LIMIT
 
     make: Callable[[int], Environment] = lambda count: BatchEnvironment(task, method, count, seed=seed)  # noqa: E731
     agent.train(Training(make, WARM, seed, lambda policy, steps: None, 1))
-    began = time.process_time()
+    clock = Clock()
     agent.train(Training(make, STEPS, seed, report, LOOKS))
     cpu, share, steps = shares[-1]
     first = next((f"{at:.0f}" for at, each, _ in shares if each > 0), "")

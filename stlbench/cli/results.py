@@ -60,8 +60,7 @@ def remove(
 
     At least one of CELL, --status and --budget is needed; a cell is removed if all that are given fit. Prints the
     cells, and asks before it removes them. Where other seeds of a cell stay, tables count it as not run; a setting that
-    was planned and has no result can be removed too. --json prints
-    a list of them and needs --yes.
+    was planned and has no result can be removed too. --json prints a list of them and needs --yes.
 
     \b
     Examples:
@@ -139,9 +138,9 @@ def verify(
 
     Rows and files are compared with the checksums that were recorded with them. Whatever is damaged or missing is
     named, and the exit code is 1. With --repair these cells are marked, and the `stlbench run` that measured them
-    measures them again; their results stay until then, and the exit code is 0. Lines of cells.jsonl that cannot be
-    read are written anew from the ledger. Of a ledger that SQLite cannot read it
-    says the ways out: --repair does not help there.
+    measures them again; their results stay until then, and the exit code is 0. Lines of cells.jsonl that cannot be read
+    are written anew from the ledger. Of a ledger that SQLite cannot read it says the ways out: --repair does not help
+    there.
 
     A bundle is compared with its own list of checksums. With --rescore the referee scores the policies in it on this
     machine. The exit code is 1 where the bundle claims more than it finds, and 3 where a policy could not be scored.

@@ -114,7 +114,7 @@ class Ledger:
             row = Row.of(number, key, *columns)
         except ValueError:
             row = None
-        content = self._content(number, key)
+        content = self._content(number, key, "*")
         if isinstance(content, str):
             return Inspected(key, row.cell if row else None, {}, one_line(content), again)
         result, files, said = content
@@ -140,10 +140,12 @@ class Ledger:
         self._warn(f"the row of {row.cell.name}", content if isinstance(content, str) else OTHER)
         return None
 
-    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str], Mapping[str, Any]] | str:
-        """A row's result, the checksums of its files, and all its columns; or what is wrong with the row."""
+    def _content(
+        self, number: int, key: str, columns: str = "result, checksum, files"
+    ) -> tuple[Result, Mapping[str, str], Mapping[str, Any]] | str:
+        """A row's result, the checksums of its files, and the columns that were asked for; or what is wrong with it."""
         assert self._database is not None
-        query = "SELECT * FROM cells WHERE rowid = ? AND key = ?"
+        query = f"SELECT {columns} FROM cells WHERE rowid = ? AND key = ?"  # noqa: S608
         try:
             cursor = self._database.execute(query, (number, key))
             found = cursor.fetchone()
@@ -153,14 +155,14 @@ class Ledger:
             return str(error)
         if found is None:
             return "it is not where the index has it"
-        columns = {name: value for (name, *_), value in zip(cursor.description, found, strict=True)}
+        said = {name: value for (name, *_), value in zip(cursor.description, found, strict=True)}
         try:
-            result, checksums = result_of(columns["result"], columns["checksum"]), plain(columns["files"])
+            result, checksums = result_of(said["result"], said["checksum"]), plain(said["files"])
         except ValueError as error:
             return str(error).splitlines()[0]
         if not isinstance(checksums, dict):
-            return f"checksums of its files are an object, got {columns['files']!r:.80}"
-        return result, checksums, columns
+            return f"checksums of its files are an object, got {said['files']!r:.80}"
+        return result, checksums, said
 
     def _warn(self, what: str, problem: str) -> None:
         way = f"`stlbench verify {self.path.parent} --repair` has it measured again"

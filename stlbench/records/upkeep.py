@@ -263,8 +263,8 @@ def merge(into: Path, source: Path) -> Merged:
 
     If both have a result of a cell, one that is no failure stays, else one whose key `into` has planned, else one
     without damaged files, else the one whose run began later, else that of `into`. A sound result of the source also
-    replaces one that lacks its policies.
-    The marks of `repair` are copied. An interrupted merge can be repeated. Raises as `refuse_merging`.
+    replaces one that lacks its policies. The marks of `repair` are copied. An interrupted merge can be repeated. Raises
+    as `refuse_merging`.
     """
     refuse_merging(into, source)
     incoming = list(results_folder.read(source))
