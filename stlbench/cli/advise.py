@@ -24,15 +24,15 @@ from stlbench.report import condense, evidence
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.schedules.plan import UnscheduledError
 from stlbench.schedules.regions import Regions
-from stlbench.schedules.schedule import is_schedule, schedules
+from stlbench.schedules.schedule import held, is_schedule, schedules
 from stlbench.statistics import across
 from stlbench.statistics.intervals import Interval
 from stlbench.stl.language.structure import unbounded, walk
 from stlbench.study.fitting import fit
 from stlbench.study.study import read_choices
-from stlbench.task.forms import traits
+from stlbench.task.forms import normal_form, traits
 from stlbench.task.task import Task, load_task
-from stlbench.tracks.auto import alternatives
+from stlbench.tracks.auto import regions
 from stlbench.tracks.haste import too_fast
 
 
@@ -184,19 +184,23 @@ def _facts(
 def _schedule(task: Task | Specification) -> Specification | str | None:
     """The specification for methods of a formula's schedule; why it has none; None where it is one already.
 
-    A formula without a task has no starts: they are in the middle of the ranges.
+    If F inside G takes too many visits, it is the schedule of p all the time, as on the track `auto`. A formula without
+    a task has no starts: they are in the middle of the ranges.
     """
-    try:
-        if isinstance(task, Specification):
-            box = dict(zip(task.signals, zip(task.low, task.high, strict=True), strict=True))
-            regions = Regions(box, {}, np.array([[(low + high) / 2 for low, high in box.values()]]))
-            if is_schedule(task.formula, regions):
-                return None
-            return replace(task, formula=schedules(task.formula, regions, 1, task.steps)[0].formula)
-        found = alternatives(task)
-    except UnscheduledError as error:
-        return f"none: {one_line(error)}"
-    return replace(task.specification, formula=found[0].formula, nested=None) if found else None
+    if isinstance(task, Specification):
+        box = dict(zip(task.signals, zip(task.low, task.high, strict=True), strict=True))
+        given, known, hold = task, Regions(box, {}, np.array([[(low + high) / 2 for low, high in box.values()]])), 1
+    else:
+        given, known, hold = task.specification, regions(task), task.file.hold
+    if is_schedule(task.formula if given is task else normal_form(task.formula), known):
+        return None
+    reasons = list[str]()
+    for formula in dict.fromkeys((task.formula, held(task.formula))):
+        try:
+            return replace(given, formula=schedules(formula, known, hold, given.steps)[0].formula, nested=None)
+        except UnscheduledError as error:
+            reasons.append(f"none: {one_line(error)}")
+    return reasons[0]
 
 
 def _rows(

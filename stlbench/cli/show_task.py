@@ -49,6 +49,7 @@ def task_facts(task: Task, track: Track) -> dict[str, Any]:
         **{name: getattr(file, name) for name in _AS_STATED},
         "formula": str(task.formula),
         "rewarded": None if file.rewarded is None else str(file.rewarded),
+        "otherwise": None if task.otherwise is None else str(task.otherwise),
         "schedule": _schedule(task) if track == "auto" else None,
         "horizon": stl.horizon(task.formula),
         # a policy's view: "engineered" or "state" of a system, "observation" of anything else, "formula" of both
@@ -221,6 +222,8 @@ def _lines(facts: dict[str, Any]) -> Iterator[str | Table]:
     yield f"formula:  {facts['formula']}"
     if facts["rewarded"] is not None:
         yield f"rewarded: {facts['rewarded']}"
+    if facts["otherwise"] is not None:
+        yield f"else:     {facts['otherwise']}, for methods that do not take the form above"
     yield f"horizon:  {facts['horizon']} steps of {facts['sampling_time']:g} s"
     yield f"episode:  {facts['steps']} steps ({seconds:g} s), each action held for {facts['hold']}"
     yield f"starts:   {facts['starts']} for the report, as many others for the selection of checkpoints"

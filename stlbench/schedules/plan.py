@@ -1,8 +1,7 @@
-"""A formula becomes plans: events and held conditions at symbolic steps, with linear constraints on these. Each rule
-is sound by construction.
+"""A formula becomes plans: events and held conditions at symbolic steps, with linear constraints on these.
 
-`_hold` has a formula at every step of an interval, `_some` at one step of it. Every plan that they give implies the
-formula, whatever values its variables take within its rows. The plans are alternatives.
+Each rule is sound. `_hold` has a formula at every step of an interval, `_some` at one step of it. Every plan that they
+give implies the formula, whatever values its variables take within its rows. The plans are alternatives.
 """
 
 from __future__ import annotations
@@ -160,9 +159,7 @@ def conjunction(terms: Sequence[Term]) -> Formula:
 
 def _constant(psi: Formula) -> bool | None:
     """Whether a formula without signals holds; None where it has signals."""
-    if stl.signals(psi):
-        return None
-    return bool(stl.satisfied(psi, [[0.0]], ("any",)))
+    return None if stl.signals(psi) else bool(stl.satisfied(psi, [[0.0]], ("any",)))
 
 
 MOST_PLANS = 400  # alternatives of one formula that are looked at: each `or` may double their number
@@ -171,6 +168,11 @@ MOST_VISITS = 12
 
 _Plans = Iterator[Plan]
 _Step = Callable[[Plan], _Plans]
+
+
+def fewest_visits(span: int, width: int) -> int:
+    """How often G over `span` steps asks for a single step of F over `width` steps inside of it."""
+    return max(1, 1 + -(-(span - width) // (width + 1)))
 
 
 class UnscheduledError(ValueError):
@@ -303,10 +305,8 @@ class _Service:
 
     def _fewest(self, low: At, high: At) -> int:
         """The visits that it takes, if each is a single step; 1 where the interval has no known length."""
-        if low.variable != high.variable or self.first <= -END:
-            return 1
-        width, span = self.last - self.first, high.offset - low.offset
-        return max(1, 1 + -(-(span - width) // (width + 1)))
+        known = low.variable == high.variable and self.first > -END
+        return fewest_visits(high.offset - low.offset, self.last - self.first) if known else 1
 
     def _guarded(self, low: At, high: At, begin: At, end: At) -> list[_Step]:
         """The guard, where `psi` holds within `begin`..`end` first and last."""

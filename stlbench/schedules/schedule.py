@@ -11,11 +11,20 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array
-from stlbench.schedules.plan import MOST_PLANS, MOST_VISITS, Plan, UnscheduledError, conjunction, plans
+from stlbench.schedules.plan import (
+    MOST_PLANS,
+    MOST_VISITS,
+    Plan,
+    UnscheduledError,
+    conjunction,
+    fewest_visits,
+    plans,
+)
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.times import Programme, Times
 from stlbench.schedules.witness import times_around
-from stlbench.stl import Formula, Term
+from stlbench.stl import Always, And, Eventually, Formula, Or, Term
+from stlbench.stl.language.structure import negations_inside, operands_of
 
 
 @dataclass(frozen=True)
@@ -174,3 +183,28 @@ def is_schedule(formula: Formula, regions: Regions) -> bool:
         first.start < second.end and second.start < first.end and regions.exclusive(first.psi, second.psi)
         for first, second in combinations(goals, 2)
     )
+
+
+def held(formula: Formula) -> Formula:
+    """The formula with G[d,d] p in place of each F[c,d] p inside G that takes more than `MOST_VISITS` visits.
+
+    It implies the formula, which stays as it is if there is no such F.
+    """
+    inside = negations_inside(formula)
+    found = _held(inside, 0)
+    return formula if found == inside else found
+
+
+def _held(formula: Formula, span: int) -> Formula:
+    match formula:
+        case Eventually(a, b, arg) if fewest_visits(span, b - a) > MOST_VISITS:
+            return Always(b, b, _held(arg, span))
+        case Always(a, b):
+            span += b - a
+        case Eventually():
+            span = 0
+        case And() | Or():
+            pass
+        case _:
+            return formula
+    return formula.with_operands([_held(operand, span) for operand in operands_of(formula)])

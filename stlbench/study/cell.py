@@ -213,6 +213,8 @@ def task_part(task: Task, budget: str) -> KeyPart:
     values: list[Any] = [task.choice.name, content, numbers, *_beyond_json(task.file.environment)]
     if task.view is not None:
         values.append(task.view.revision)
+    if task.otherwise is not None:
+        values.append(str(task.otherwise))
     if task.file.terminated != "hold" and _has_until(task):
         values.append(_RANGES)
     if not isinstance(task.dynamics, GymTask):

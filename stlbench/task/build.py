@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import cast
 
@@ -28,7 +28,7 @@ def build_method(task: Task | Specification, choice: Choice | str) -> RewardMeth
     `scale` is positive and finite, `floor` is finite, and sizes are at least 0.
     """
     given = task if isinstance(task, Specification) else task.specification
-    method = cast(RewardMethod, plugins.build("methods", choice_of(choice), given))
+    method = _built(given, None if isinstance(task, Specification) else task.otherwise, choice_of(choice))
     if not (math.isfinite(method.scale) and method.scale > 0):
         raise ValueError(f"method {choice}: its scale should be finite and more than 0, it is {method.scale}")
     if not math.isfinite(method.floor):
@@ -37,6 +37,16 @@ def build_method(task: Task | Specification, choice: Choice | str) -> RewardMeth
         if size < 0:
             raise ValueError(f"method {choice}: its {name} should be at least 0, it is {size}")
     return method
+
+
+def _built(given: Specification, otherwise: Formula | None, choice: Choice) -> RewardMethod:
+    """The method for a specification, or for another form of its formula if it does not take this one."""
+    try:
+        return cast(RewardMethod, plugins.build("methods", choice, given))
+    except Unsuitable:
+        if otherwise is None:
+            raise
+    return cast(RewardMethod, plugins.build("methods", choice, replace(given, formula=otherwise, nested=None)))
 
 
 def fitting_methods(

@@ -56,6 +56,8 @@ class Task:
     """The thing that moves: a system, whose state can be set, or an environment or a world, whose starts are seeds."""
     lacking: tuple[str, ...] = ()
     """The parts that the choice leaves out and the file does not have. The track `auto` may derive it."""
+    otherwise: stl.Formula | None = None
+    """The form that methods are given if they do not take the specification's. The track `auto` derives it."""
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from stlbench.records.identity import Track
 from stlbench.registry import plugins
 from stlbench.schedules.plan import UnscheduledError, conjunction
 from stlbench.schedules.regions import Regions
-from stlbench.schedules.schedule import Schedule, is_schedule, pursued, schedules
+from stlbench.schedules.schedule import Schedule, held, is_schedule, pursued, schedules
 from stlbench.simulation.environment import fulfilling
 from stlbench.simulation.worlds import make_world
 from stlbench.stl import Formula, fragment
@@ -182,7 +182,19 @@ def automatic(task: Task, agent: str) -> Task:
                 raise UsageError(f"{task.choice}: {error} on the track auto") from error
     if "rewarded" in task.left_out:
         helped = helped.model_copy(update={"nested": None if schedule is not None else task.file.nested})
-    return replace(task, file=helped)
+    return replace(task, file=helped, otherwise=_otherwise(task) if helped.schedule is None else None)
+
+
+def _otherwise(task: Task) -> Formula | None:
+    """The form for methods that do not take F inside G, if no schedule serves it by visits: p all the time.
+
+    That may be impossible: two forces cannot keep a cart slow. So a method that takes the formula itself gets it.
+    """
+    if (formula := held(task.formula)) == task.formula or "schedule" in task.left_out:
+        return None
+    stronger = replace(task, file=task.file.model_copy(update={"formula": formula, "nested": None}))
+    file = stronger.file.model_copy(update={"schedule": scheduled(stronger)})
+    return file.followed if "rewarded" in task.left_out else rewrites(file, initial_samples(task))[-1].formula
 
 
 def _helped(task: Task, agent: str) -> TaskFile:

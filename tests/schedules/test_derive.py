@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from stlbench import stl
 from stlbench.schedules.plan import MOST_PLANS, MOST_VISITS, Plan, UnscheduledError, conjunction, plans
+from stlbench.schedules.schedule import held
 
 
 def _satisfying(plan: Plan, last: int) -> dict[str, NDArray[np.bool_]]:
@@ -138,6 +139,27 @@ def test_many_visits_are_left_out() -> None:
     assert plans(parsed("G[0,985] F[0,15] p"), 1000) == ()
     visits = {len(plan.events) for plan in plans(parsed("G[0,189] F[0,15] p"), 204)}
     assert max(visits) == MOST_VISITS
+
+
+@pytest.mark.parametrize(
+    ("text", "stronger"),
+    [
+        ("G[0,985] F[0,15] p", "G[0,985] G[15,15] p"),
+        ("G[0,985] (q & F[3,15] p)", "G[0,985] (q & G[15,15] p)"),
+        ("G[0,100] G[0,100] F[0,9] p", "G[0,100] G[0,100] G[9,9] p"),
+        ("!(F[0,985] G[0,15] p)", "G[0,985] G[15,15] !p"),
+        ("q | F[0,9] G[0,985] F[0,15] p", "q | F[0,9] G[0,985] G[15,15] p"),
+        ("G[0,985] F[0,200] F[0,2] p", "G[0,985] F[0,200] F[0,2] p"),
+        ("G[0,189] F[0,15] p", "G[0,189] F[0,15] p"),
+        ("q -> G[0,985] p", "q -> G[0,985] p"),
+    ],
+)
+def test_what_takes_too_many_visits_may_be_held(text: str, stronger: str) -> None:
+    formula, found = parsed(text), held(parsed(text))
+    assert found == parsed(stronger) or str(found) == str(parsed(stronger))
+    walks = np.random.default_rng(0).choice([-1.0, 1.0], (100, 1200, 2), p=[0.01, 0.99])
+    kept = stl.satisfied(found, walks, ["p", "q"])
+    assert stl.satisfied(formula, walks[kept], ["p", "q"]).all()
 
 
 def test_alternatives_that_contradict_themselves_are_left_out() -> None:

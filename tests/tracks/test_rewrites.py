@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from helpers.line_task import line
@@ -47,6 +50,30 @@ def test_what_satisfies_the_schedule_satisfies_the_formula(formula: str) -> None
     kept = walks[stl.satisfied(schedule, walks, ["x"])]
     assert len(kept) > 50
     assert stl.satisfied(stl.parse(formula), kept, ["x"]).all()
+
+
+@pytest.mark.parametrize("parameters", [(), (("without", "rewarded"),)])
+def test_methods_that_do_not_take_many_visits_are_given_a_form_that_is_held(parameters: Any) -> None:
+    """Flags take the formula itself. The other form asks for more: x at the last step of each window."""
+    text = "G[0,28] (F[0,1] x >= -5 & G[0,0] x >= -6)"
+    own = replace(line(formula=text, steps=29), choice=Choice("line", parameters))
+    task = helped(own)
+    assert scheduled(own) is None
+    walks = np.random.default_rng(0).choice([-6.0, -5.0, 0.0], (5_000, 30, 1), p=[0.02, 0.49, 0.49])
+    formula, held = stl.parse(text), stl.parse("G[1,29] x >= -5 & G[0,28] x >= -6")
+    for methods, asked in ((("flag", "tau-mdp", "bhnr"), formula), (("raw", "funnel"), held)):
+        for method in methods:
+            given = build_method(task, method).specification
+            assert given.nested is None
+            kept = stl.satisfied(given.formula, walks, ["x"])
+            assert (kept == stl.satisfied(asked, walks, ["x"])).all()
+            assert kept.any()
+            assert not kept.all()
+
+
+def test_without_its_schedule_a_formula_has_no_form_that_is_held() -> None:
+    task = replace(line(formula="G[0,28] F[0,1] x >= -5", steps=29), choice=Choice("line", (("without", "schedule"),)))
+    assert task.otherwise is None
 
 
 @pytest.mark.parametrize("formula", OWN)
