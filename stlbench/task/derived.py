@@ -9,7 +9,7 @@ satisfies the task's formula satisfies the derived one, and others may too. The 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 from stlbench import stl
@@ -31,6 +31,9 @@ CLEARANCE = 0.3
 """The pay of an invariant at its best."""
 KEPT = 4.0
 """A predicate that the start keeps costs no more beyond so many near sizes."""
+WIDE = 4.0
+"""Ranges are too wide to tell a goal's scale if the near size is so many times what the starts violate. An ant with
+speeds up to 10 m/s never walked at 0.5: to stand still cost a twelfth of it, and a fall costs two."""
 
 
 def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array, hold: int = 1) -> Formula:
@@ -43,6 +46,8 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
       has to hold with it;
     - of a kept predicate, which holds at all initial states beside others that do not: the same, but -m / w counts at
       most 4. So a robot that starts at rest may move until it is there;
+    - of a goal that the starts violate by less than a quarter of w, as a speed with a wide range: the same on the scale
+      of the starts. What they violate is then the largest margin and violation, and -m / w counts at most 4;
     - of an invariant, with d half of the least near size among the invariants of its unit: h max(-1, 50 m / d) +
       max(-1, m / d) where m < 0; .3 min(m / d, 1) where m >= 0. So even a shallow violation costs as much as the goal
       that is farthest away: a minimum over both does not hide it. The factor h is the number of steps for which an
@@ -106,6 +111,14 @@ class _Margin:
     size: Scale
     tight: bool
     """Whether it is met at its border alone."""
+    capped: bool = False
+    """Whether it costs no more beyond `KEPT` near sizes."""
+
+    def beside(self, violation: float) -> _Margin:
+        """Itself, or on the scale of the starts, which violate it so much, if the ranges are too wide to tell one."""
+        if self.tight or not 0 < WIDE * violation < self.near:
+            return self
+        return replace(self, size=Scale(min(self.size.best, violation), violation), capped=True)
 
     @classmethod
     def of(cls, signed: _Signed, box: Box) -> _Margin:
@@ -135,7 +148,7 @@ def _goal(psi: Formula, box: Box, initial: Array, farthest: float) -> Formula:
     kept = {each for each in signed if _holds(each, tuple(box), initial)}
     if len(kept) == len(signed) or not isinstance(psi, And):  # a cap is for a part beside others that are not yet met
         kept = set()
-    margins = {each: _Margin.of(each, box) for each in signed}
+    margins = {each: _Margin.of(each, box).beside(_violation(each, tuple(box), initial)) for each in signed}
     octaves = max((margin.octaves for margin in margins.values()), default=1.0)
     best = scale(psi, box).best
 
@@ -144,7 +157,7 @@ def _goal(psi: Formula, box: Box, initial: Array, farthest: float) -> Formula:
         if margin.tight:
             return _all_or_nothing(margin)
         far = f"max(0, -{margin.text}) / {margin.near:.9g}"
-        if each in kept:
+        if each in kept or margin.capped:
             far = f"min({KEPT:g}, {far})"
         reached = f"{BEST:g} * min(1, max(0, {margin.text}) / {min(margin.size.best, best):.9g})"
         return f"{reached} - {farthest / octaves:.9g} * log(1 + {far})"
@@ -191,6 +204,13 @@ def _holds(signed: _Signed, names: tuple[str, ...], initial: Array) -> bool:
     """Whether it holds at all initial samples."""
     predicate, negated = signed
     return bool((stl.holds(predicate, names)(initial) != negated).all())
+
+
+def _violation(signed: _Signed, names: tuple[str, ...], initial: Array) -> float:
+    """The most by which an initial sample violates it; 0 if it holds at all of them."""
+    predicate, negated = signed
+    margins = stl.margin(predicate, names)(initial)
+    return max(0.0, float((margins if negated else -margins).max(initial=0.0)))
 
 
 def _unit(predicate: Predicate, units: Mapping[str, str]) -> tuple[str, ...]:

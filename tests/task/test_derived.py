@@ -131,6 +131,18 @@ def test_what_the_start_keeps_costs_no_more_beyond_four_near_sizes() -> None:
     assert _value(both, 0.0, 0.5) == _value(both, 0.0, 3.0) > _value(both, 3.0, 0.0) == _value(both, 3.0, 3.0)
 
 
+@pytest.mark.parametrize("goal", ["F[1,9] x >= 1", "F[1,9] !(x < 1)"])
+def test_a_wide_range_does_not_set_the_scale_of_a_goal(goal: str) -> None:
+    """At the start x lacks at most 1: it costs .4 there, at most log 5 / log 3 times as much, and 2 pays all."""
+    starts = np.array([[0.0], [0.5]])
+    near, wide, wider = (derived(parse(goal), {"x": (-end, end)}, {}, starts) for end in (4.0, 10.0, 1000.0))
+    assert near != wide == wider
+    (window,) = windows(wide)
+    values = margin(window.psi, ["x"])(np.array([[3.0], [2.0], [1.5], [1.0], [0.0], [-1.0], [-9.0]]))
+    most = -0.4 * math.log(5) / math.log(3)
+    assert values == pytest.approx([0.5, 0.5, 0.25, 0.0, -0.4, most, most])
+
+
 def test_a_margin_that_is_0_at_best_is_all_or_nothing() -> None:
     assert [_value("G[5,9] abs(x) <= 0", x) for x in (0.0, 1e-6, 3.0)] == [0.3, -1.0, -1.0]
 
