@@ -126,3 +126,59 @@ def measures() -> str:
             body.append([text, sampling, said[0], shown["funnel"], said[1], shown["flag"], shown["raw"]])
     header = ["measure", "sampling", "paper, funnel", "`funnel`", "paper, flag", "`flag`", "`raw`"]
     return markdown(header, body)
+
+
+def planned() -> str:
+    """One row per task: the robustness of the policy that is best by a reward, and of those that were learned by it."""
+    found = {(row["task"], row["method"], row["setting"]): row for row in rows("alignment")}
+    tasks = [task for task, method, setting in found if (method, setting) == ("raw", "recipe")]
+    body = [
+        [f"`{task}`", number(found[task, "raw", "recipe"]["best_known"])]
+        + [
+            text
+            for method in ("raw", "funnel")
+            for row in (found[task, method, "recipe"],)
+            for text in (_planned(row), number(row["selected"]))
+        ]
+        + [_planned(found[task, "raw", "gamma=1"]), _planned(found[task, "flag", "recipe"])]
+        for task in tasks
+    ]
+    heads = ["task", "best known", "`raw`", "learned", "`funnel`", "learned", "no discount: `raw`", "`flag`"]
+    return markdown(heads, body)
+
+
+def overlapping() -> str:
+    """One row per form of the reward of `overlap`: the robustness of the policy that is best by it."""
+    found = {(row["method"], row["setting"]): row for row in rows("alignment") if row["task"] == "overlap"}
+    settings = {
+        "the formula itself, no cuts, no discount": "without=rewarded+cuts, gamma=1",
+        "the same, discount 0.95": "without=rewarded+cuts",
+        "the rewarded form, with cuts: the recipe": "recipe",
+    }
+    body = [
+        [what, *(_planned(found[method, setting]) for method in ("raw", "funnel"))]
+        for what, setting in settings.items()
+    ]
+    return markdown(["`overlap`, the best policy by", "`raw`", "`funnel`"], body)
+
+
+def _planned(row: Row) -> str:
+    """ "0.328 (94 %) †": robustness of a plan, the share of starts where some violate, and a mark if it is not exact."""
+    if not row["reward_optimal"]:
+        return "-"
+    share = round(100 * float(row["satisfied"]))
+    mark = "" if _is_exact(row) else " †"
+    return number(row["reward_optimal"]) + (f" ({share} %)" if share < 100 else "") + mark
+
+
+def _is_exact(row: Row) -> bool:
+    """Whether no recorded policy has a greater return by the plan's own reward, but for a thousandth."""
+    without = row["setting"].partition(", ")[0]
+    task = f"{row['task']}[{without}]" if without.startswith("without=") else row["task"]
+    found = [each for each in rows("returns") if (each["task"], each["method"]) == (task, row["method"])]
+    gammas = {float(each["gamma"]) for each in found}
+    gamma = 1.0 if row["setting"].endswith("gamma=1") else min(gammas, default=1.0)
+    same = [each for each in found if float(each["gamma"]) == gamma]
+    own = [float(each["return"]) for each in same if each["own"] == "1"]
+    most = max((float(each["return"]) for each in same), default=0.0)
+    return not own or most - max(own) <= 1e-3 * abs(most)

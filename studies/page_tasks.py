@@ -22,13 +22,20 @@ def auto_field() -> str:
 
 def robots() -> str:
     """One row per robot on which people publish: what each method learns, and what TGPO has on its own formulas."""
-    studies, methods = (("robots", "quick"), ("robots-ant", "paper")), ("funnel", "raw")
+    studies = (("robots", "quick"), ("robots-patrol", "paper"), ("robots-ant", "paper"))
+    methods = ("funnel", "raw")
     found = {
-        key[:2]: seeds for name, budget in studies for key, seeds in recorded.recorded(name, "auto", budget).items()
+        (key[0], budget, key[1]): seeds
+        for name, budget in studies
+        for key, seeds in recorded.recorded(name, "auto", budget).items()
     }
     body = [
-        [f"`{task}`", *(_shares(found.get((task, method))) for method in methods), TGPO.get(task, "")]
-        for task in dict.fromkeys(task for task, _ in found)
+        [
+            f"`{task}`" + (f", `{budget}`" if budget != "quick" else ""),
+            *(_shares(found.get((task, budget, method))) for method in methods),
+            TGPO.get(task, ""),
+        ]
+        for task, budget in dict.fromkeys(key[:2] for key in found)
     ]
     return markdown(["task", *(f"`{method}`" for method in methods), "TGPO, best baseline"], body)
 

@@ -35,6 +35,8 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "measures": page_reference.measures,
     },
     "docs/findings.md": {
+        "planned": page_reference.planned,
+        "planned-overlap": page_reference.overlapping,
         "survey-survived": survey.survived,
         "survey-planned": lambda: markdown(*survey.planned()),
     },

@@ -1,6 +1,6 @@
 # What each reward asks for, by exact planning, beside what was learned.
 # CPU time: an hour and a half
-# Makes: alignment returns
+# Makes: alignment returns planned planned-overlap
 # Plans are made in results/alignment, and come into results/reference at the end.
 plan() {
     PYTHONPATH=build/example stlbench run --results results/alignment --seeds 0-0 "$@"

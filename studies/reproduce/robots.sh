@@ -1,9 +1,12 @@
 # Robots on which people publish, five seeds of two methods on the track auto; an ant by one method.
-# CPU time: 7 hours
+# CPU time: 8 hours
 # Makes: robots learners
 stlbench run studies/robots.yaml
 stlbench report results/robots
 stlbench export results/robots --format jsonl
+stlbench run studies/robots-patrol.yaml
+stlbench report results/robots-patrol
+stlbench export results/robots-patrol --format jsonl
 stlbench run studies/robots-ant.yaml --methods raw
 stlbench report results/robots-ant
 stlbench export results/robots-ant --format jsonl
