@@ -163,7 +163,7 @@ def overlapping() -> str:
 
 
 def _planned(row: Row) -> str:
-    """ "0.328 (94 %) †": robustness of a plan, the share of starts where some violate, and a mark if it is not exact."""
+    """ "0.328 (94 %) †": robustness of a plan, the share if some starts violate, a mark if it is not exact."""
     if not row["reward_optimal"]:
         return "-"
     share = round(100 * float(row["satisfied"]))
