@@ -61,12 +61,8 @@ class Bhnr(RewardMethod):
         # Each part may count alone, so the bounds are those of the parts and of the whole.
         low, high = np.stack([*ends, self._join([certain(each) for each in ends]).value], axis=1)
         most = window if self._blocks else 1
-        self._floor = min(0.0, float(low.min())) * most
-        self.scale = max(float(high.max()) * most, -self._floor)
-
-    @property
-    def floor(self) -> float:
-        return self._floor
+        self.floor = min(0.0, float(low.min())) * most
+        self.scale = max(float(high.max()) * most, -self.floor)
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         return np.concatenate([part.begin(signals) for part in self._parts], axis=1)

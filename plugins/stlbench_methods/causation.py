@@ -42,13 +42,9 @@ class Causation(RewardMethod):
         self._margins = [specification.margin(part.psi) for part in self._parts]
         ranges = [bounded_range(specification, part.psi, part) for part in self._parts]
         self._ranges = [ends for part, ends in zip(self._parts, ranges, strict=True) if part.width]
-        self._bonus, self._floor = bonus, min(bonus, min(low for low, _ in ranges))
-        self.scale = max(bonus, -self._floor)
+        self._bonus, self.floor = bonus, min(bonus, min(low for low, _ in ranges))
+        self.scale = max(bonus, -self.floor)
         self.memory_size = sum(part.width + 1 for part in self._parts if part.width)
-
-    @property
-    def floor(self) -> float:
-        return self._floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The margins of copies of the first sample, which count for nothing before there are w + 1 samples."""

@@ -9,14 +9,13 @@ A part's memory ends with its state: DONE, FAILED, or a count. Its other numbers
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from stlbench.contract import Array, Integers, Truth, cached
+from stlbench.contract import Array, Integers, Truth
 from stlbench_methods.counter_parts import DONE, FAILED, Tables
+from stlbench_methods.updates import compiled
 
 
-@cached
-@njit()
+@compiled
 def run(tables: Tables, truths: Truth, t: Integers, margin: bool, memory: Array) -> Array:
     """Memories (N, m) go on by h samples, the first at steps t (N,), in place: what is paid at each, (h, N).
 
@@ -44,8 +43,7 @@ def run(tables: Tables, truths: Truth, t: Integers, margin: bool, memory: Array)
     return rewards
 
 
-@cached
-@njit()
+@compiled
 def begin(tables: Tables, t: Integers, memory: Array) -> None:
     """Memories (N, m) right before steps t, with as much as possible still to be won; written in place."""
     for row in range(len(t)):
@@ -56,8 +54,7 @@ def begin(tables: Tables, t: Integers, memory: Array) -> None:
                 _begin_answer(tables, i, t[row], memory[row])
 
 
-@cached
-@njit()
+@compiled
 def draw(tables: Tables, truths: Truth, t: Integers, chance: Array, memory: Array) -> None:
     """Write other memories (N, m) that samples at steps t can have, of each part on its own; `truths` is (needs, N)."""
     for row in range(len(t)):
@@ -72,8 +69,7 @@ def draw(tables: Tables, truths: Truth, t: Integers, chance: Array, memory: Arra
                 part[:] = own
 
 
-@cached
-@njit()
+@compiled
 def _verdict(tables: Tables, memory: Array) -> tuple[int, bool]:
     """The number of parts that are done, and whether one has failed."""
     done, failed = 0, False
@@ -84,8 +80,7 @@ def _verdict(tables: Tables, memory: Array) -> tuple[int, bool]:
     return done, failed
 
 
-@cached
-@njit()
+@compiled
 def _share(tables: Tables, i: int, memory: Array) -> float:
     """A number from 0 to 1: the stages of a chain, the time left for an answer; 1 for a part that is done."""
     first, last = tables.first[i], tables.last[i]
@@ -107,15 +102,13 @@ def _share(tables: Tables, i: int, memory: Array) -> float:
     return share
 
 
-@cached
-@njit()
+@compiled
 def _decide(tables: Tables, i: int, verdict: int, memory: Array) -> None:
     memory[tables.first[i] : tables.last[i] + 1] = 0
     memory[tables.last[i]] = verdict
 
 
-@cached
-@njit()
+@compiled
 def _step(tables: Tables, i: int, holds: Truth, at: int, memory: Array) -> None:
     """One sample at step `at`, of a part that may be decided."""
     if memory[tables.last[i]] < 0:
@@ -126,8 +119,7 @@ def _step(tables: Tables, i: int, holds: Truth, at: int, memory: Array) -> None:
         _step_answer(tables, i, holds, at, memory)
 
 
-@cached
-@njit()
+@compiled
 def _step_reach(tables: Tables, i: int, holds: Truth, at: int, memory: Array) -> None:
     column, last, need = tables.first[i], tables.last[i], tables.needs[i]
     guard, alive = tables.which[need], True
@@ -155,8 +147,7 @@ def _step_reach(tables: Tables, i: int, holds: Truth, at: int, memory: Array) ->
         _decide(tables, i, FAILED, memory)
 
 
-@cached
-@njit()
+@compiled
 def _step_answer(tables: Tables, i: int, holds: Truth, at: int, memory: Array) -> None:
     first, last, need = tables.first[i], tables.last[i], tables.needs[i]
     request, kept = tables.which[need], tables.which[need + 1]
@@ -174,8 +165,7 @@ def _step_answer(tables: Tables, i: int, holds: Truth, at: int, memory: Array) -
         _decide(tables, i, FAILED, memory)
 
 
-@cached
-@njit()
+@compiled
 def _in_time(tables: Tables, i: int, at: int, missing: float, age: float) -> bool:
     """Whether an answer that lacks so many samples can come before the first deadline."""
     last = tables.last[i]
@@ -184,8 +174,7 @@ def _in_time(tables: Tables, i: int, at: int, missing: float, age: float) -> boo
     return in_time
 
 
-@cached
-@njit()
+@compiled
 def _begin_reach(tables: Tables, i: int, t: int, memory: Array) -> None:
     """Each stage was reached as late as possible."""
     column, last = tables.first[i], tables.last[i]
@@ -206,8 +195,7 @@ def _begin_reach(tables: Tables, i: int, t: int, memory: Array) -> None:
         _decide(tables, i, DONE, memory)
 
 
-@cached
-@njit()
+@compiled
 def _begin_answer(tables: Tables, i: int, t: int, memory: Array) -> None:
     """The last answer came at the sample before; beyond the requests, the last of them is open."""
     first, last, length = tables.first[i], tables.last[i], tables.length[i]
@@ -220,8 +208,7 @@ def _begin_answer(tables: Tables, i: int, t: int, memory: Array) -> None:
         _decide(tables, i, DONE, memory)
 
 
-@cached
-@njit()
+@compiled
 def _draw_reach(tables: Tables, i: int, holds: Truth, at: int, chance: Array, memory: Array) -> bool:
     """Counters from first to last, each evenly drawn among those that the ones before it leave.
 
@@ -294,8 +281,7 @@ def _draw_reach(tables: Tables, i: int, holds: Truth, at: int, chance: Array, me
     return True
 
 
-@cached
-@njit()
+@compiled
 def _can_be_done(tables: Tables, i: int, holds: Truth, at: int) -> bool:
     """Whether a past of a chain may have completed it, now or before."""
     before = at - tables.length[i] - tables.start[i]
@@ -309,8 +295,7 @@ def _can_be_done(tables: Tables, i: int, holds: Truth, at: int) -> bool:
     return possible
 
 
-@cached
-@njit()
+@compiled
 def _draw_answer(tables: Tables, i: int, holds: Truth, at: int, chance: Array, memory: Array) -> bool:
     """Each pair of a run and an age is as likely."""
     first, last = tables.first[i], tables.last[i]
@@ -342,8 +327,7 @@ def _draw_answer(tables: Tables, i: int, holds: Truth, at: int, chance: Array, m
     return True
 
 
-@cached
-@njit()
+@compiled
 def _ages(tables: Tables, i: int, holds: Truth, at: int, in_row: int) -> tuple[int, int, int]:
     """For runs of so many samples: 1 if no request may be open, and the least and greatest age of the oldest."""
     last, need = tables.last[i], tables.needs[i]

@@ -43,10 +43,7 @@ class Dense(Followed):
         self._difference = mode == "difference"
         if self._difference:
             self.scale = self._progress.ends[1] - self._progress.ends[0]
-
-    @property
-    def floor(self) -> float:
-        return 0.0 if self._difference else self._progress.ends[0]
+        self.floor = 0.0 if self._difference else self._progress.ends[0]
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         progress = self._progress

@@ -49,11 +49,7 @@ class Flag(RewardMethod):
             WindowFlags(nested, specification, beta) if windowed else AbsoluteFlags(specification, beta)
         )
         self.memory_size, self.scale = self._flags.size, self._flags.scale
-        self.extension = self._flags.extension
-
-    @property
-    def floor(self) -> float:
-        return self._flags.floor
+        self.extension, self.floor = self._flags.extension, self._flags.floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The flags after the first sample, (N, m); they were 0 before it (1 for the absolute G), whenever it is."""

@@ -88,13 +88,9 @@ class Funnel(RewardMethod):
         self._least = formula_parts.least_active(rewards, self.active)
         self._clip = shape == "clipped"
         least = formula_parts.least_paid(np.array([self._worst(curve, shape) for curve in self.curves]), self.active)
-        self._floor = min(0.0, least) if self._clip else least
+        self.floor = min(0.0, least) if self._clip else least
         widest = max(curve.gamma_0 for curve in self.curves)
         self.scale = math.log1p(widest / ginf) if shape == "normalised" else widest
-
-    @property
-    def floor(self) -> float:
-        return self._floor
 
     def arrival(self, signals: Array, t: Integers) -> Array:
         rewards = self._least(signals, t)

@@ -60,28 +60,21 @@ class Hprs(RewardMethod):
         self._needed = np.array([term.length for term in self._targets])
         self._gamma, self._shaped = gamma, variant == "auto-shaping"
         self._weight = float(variant == "paper")
-        self._counted = 2 if len(self._targets) > 1 else 0
+        self.input_size = 2 if len(self._targets) > 1 else 0
         self.can_end = violation == "ends"
-        self.memory_size = self._counted + int(self.can_end)
-        self.extension = f"intervals are not looked at{'; several targets' if self._counted else ''}"
+        self.memory_size = self.input_size + int(self.can_end)
+        self.extension = f"intervals are not looked at{'; several targets' if self.input_size else ''}"
+        self.floor = -(len(self._safety) + self._weight * len(self._targets))
         self.scale = 1.0 - self.floor  # at most the target and the whole potential are paid at once
-
-    @property
-    def floor(self) -> float:
-        return -(len(self._safety) + self._weight * len(self._targets))
-
-    @property
-    def input_size(self) -> int:
-        return self._counted
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The memory (N, m): no target is done before the first sample, which may reach one and violates nothing."""
-        counted = self._progress(truths(self._at, signals[None]), np.zeros((len(signals), self._counted)))[1]
-        return np.concatenate([counted, np.zeros((len(signals), self.memory_size - self._counted))], axis=1)
+        counted = self._progress(truths(self._at, signals[None]), np.zeros((len(signals), self.input_size)))[1]
+        return np.concatenate([counted, np.zeros((len(signals), self.memory_size - self.input_size))], axis=1)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         at, safe = truths(self._at, samples), truths(self._safe, samples)
-        done, after = self._progress(at[:, 1:], memory[:, : self._counted])
+        done, after = self._progress(at[:, 1:], memory[:, : self.input_size])
         potential = self._potential(samples, safe, done)
         shaping = self._gamma * potential[1:] - potential[:-1]
         if not self._shaped:
@@ -99,7 +92,7 @@ class Hprs(RewardMethod):
 
     def inputs(self, memory: Array) -> Array:
         """The share of the targets that is done, and that of the samples that the target of now needs: in [0, 1]."""
-        if not self._counted:
+        if not self.input_size:
             return memory[:, :0]
         done = memory[:, 0].astype(np.int64)
         return np.stack([done / (len(self._targets) - 1), memory[:, 1] / self._needed[done]], axis=1)
@@ -119,7 +112,7 @@ class Hprs(RewardMethod):
         """The current target before and after each sample, (h + 1, N), the memory; `at` (targets, h, N) are truths."""
         _, held, rows = at.shape
         now = np.zeros((held + 1, rows), dtype=np.int64)
-        if not self._counted:
+        if not self.input_size:
             return now, memory
         last, row, count = len(self._targets) - 1, np.arange(rows), memory[:, 1]
         now[0] = memory[:, 0]

@@ -267,11 +267,8 @@ class Followed(RewardMethod):
     ) -> None:
         super().__init__(specification)
         self._progress = Progress(specification, Margins(specification, stl.semantics(semantics, sharpness)))
-        self.memory_size, self.scale = self._progress.size, max(map(abs, self._progress.ends))
-
-    @property
-    def input_size(self) -> int:
-        return self._progress.input_size
+        self.memory_size, self.input_size = self._progress.size, self._progress.input_size
+        self.scale, self.floor = max(map(abs, self._progress.ends)), min(0.0, self._progress.ends[0])
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         return self._progress.begin(signals, t)

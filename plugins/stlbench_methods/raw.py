@@ -28,13 +28,9 @@ class Raw(RewardMethod):
         low, high = np.array([bounded_range(specification, term.psi, term.formula) for term in terms]).T
         self.scale = float((high - low).max())
         active = active_table(terms, specification.steps, activity)
-        self._floor = least_paid(low[:, None], active)
+        self.floor = least_paid(low[:, None], active)
         margins = [timeless(specification.margin(term.psi)) for term in terms]
         self._reward = least_active(margins, active)
-
-    @property
-    def floor(self) -> float:
-        return self._floor
 
     def arrival(self, signals: Array, t: Integers) -> Array:
         return self._reward(signals, t)

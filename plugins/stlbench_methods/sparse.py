@@ -31,21 +31,14 @@ class Sparse(RewardMethod):
 
     def __init__(self, specification: Specification, *, pays: Literal["success", "failure"] = "success") -> None:
         super().__init__(specification)
-        self._offset = 0.0 if pays == "success" else -1.0
+        self.floor = 0.0 if pays == "success" else -1.0
         self._known: AbsoluteFlags | Progress
         try:
             self._known = AbsoluteFlags(specification, 1.0)  # beta is of no account: its rewards are not used
         except Unsuitable:
             self._known = Progress(specification, Truths(specification, stl.semantics("classic")))
         self.memory_size = self._known.size
-
-    @property
-    def input_size(self) -> int:
-        return self._known.input_size if isinstance(self._known, Progress) else self._known.size
-
-    @property
-    def floor(self) -> float:
-        return self._offset
+        self.input_size = self._known.input_size if isinstance(self._known, Progress) else self._known.size
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         return self._known.begin(signals, t)
@@ -63,4 +56,4 @@ class Sparse(RewardMethod):
             satisfied = self._known.so_far(memory, t) > 0.5
         else:
             satisfied = (memory[:, self._known.columns] == 1).all(axis=1)
-        return np.where(satisfied, 1.0, 0.0) + self._offset
+        return np.where(satisfied, 1.0, 0.0) + self.floor

@@ -39,12 +39,8 @@ class TauCmdp(Flag):
         window: Literal["before", "after"] = "before",
     ) -> None:
         super().__init__(specification, beta=beta)
-        self._flag_count, self._before = self.memory_size, window == "before"
+        self.input_size, self._before = self.memory_size, window == "before"
         self.memory_size += 1
-
-    @property
-    def input_size(self) -> int:
-        return self._flag_count
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         before = np.tile(self._flags.initial, (len(signals), 1))

@@ -69,18 +69,11 @@ class TauMdp(RewardMethod):
             raise Unsuitable(f"tau-mdp: from robustness {low:.4g} to {high:.4g} of {self.phi}, its exp overflows")
         self.scale = max(ends)
         least = self._sign * ends[0]
-        self._floor = min(0.0, least) if first else least  # the first samples pay 0
+        self.floor = min(0.0, least) if first else least  # the first samples pay 0
         self._shown = np.arange(self.tau)[::-every][::-1]  # backwards, so that the newest sample is always among them
         self._middle = (np.array(specification.high) + specification.low) / 2
+        self.input_size = len(self._shown) * len(self._middle)
         self._half = (np.array(specification.high) - specification.low) / 2
-
-    @property
-    def input_size(self) -> int:
-        return len(self._shown) * len(self._middle)
-
-    @property
-    def floor(self) -> float:
-        return self._floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         return np.tile(signals, self.tau)

@@ -27,7 +27,3 @@ class Tltl(Followed):
     """
 
     preference = MappingProxyType({"sum": 1})
-
-    @property
-    def floor(self) -> float:
-        return min(0.0, self._progress.ends[0])

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
 import numpy as np
 from numba import njit
 
 from stlbench.contract import Array, Integers, Truth, cached
 from stlbench_methods.formula_parts import FG, F, G, Terms
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-@cached
-@njit()
+
+def compiled(function: Function) -> Function:
+    return cast(Function, cached(njit(function)))
+
+
+@compiled
 def count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
     """Counters (N, m) of windows go on by h samples; `truths` (m, h, N) become the windows' verdicts after each.
 
@@ -30,8 +38,7 @@ def count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
                 flags[row, i] = flag
 
 
-@cached
-@njit()
+@compiled
 def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -> Array:
     """Flags (N, m) of terms with absolute intervals go on by h samples, the first at steps t (N,): paid (h, N)."""
     terms_count, held, rows = truths.shape
@@ -57,8 +64,7 @@ def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -
     return rewards
 
 
-@cached
-@njit()
+@compiled
 def run(
     truths: Truth, starts: Integers, ends: Integers, lengths: Integers, t: Integers, weight: float, runs: Array
 ) -> Array:
@@ -83,8 +89,7 @@ def run(
     return rewards
 
 
-@cached
-@njit()
+@compiled
 def _step(truths: Truth, starts: Integers, ends: Integers, lengths: Integers, at: int, runs: Array) -> None:
     """One sample at step `at`. A term has failed, -1, once its run cannot be completed any more."""
     for i in range(len(runs)):
@@ -96,8 +101,7 @@ def _step(truths: Truth, starts: Integers, ends: Integers, lengths: Integers, at
             runs[i] = -1
 
 
-@cached
-@njit()
+@compiled
 def _left(lengths: Integers, runs: Array) -> tuple[int, bool]:
     """The number of phases that are left, and whether all is over; a term that has failed has some left."""
     left, failed = 0, False

@@ -148,7 +148,7 @@ class RewardMethod:
         """
         return np.zeros((len(signals), self.memory_size))
 
-    @property
+    @cached_property
     def input_size(self) -> int:
         """How many `inputs` the policy sees: `memory_size` by default."""
         return self.memory_size
@@ -162,7 +162,7 @@ class RewardMethod:
     scale: float = 1.0
     """About the largest magnitude of the reward. Training divides by it, so that one recipe serves every method."""
 
-    @property
+    @cached_property
     def floor(self) -> float:
         """The least reward of a step, in the method's unit: -`scale` by default.
 

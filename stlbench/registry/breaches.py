@@ -76,7 +76,8 @@ def _rules(base: type) -> Mapping[str, _Rule]:
             inputs = list(inspect.signature(getattr(base, name)).parameters)
             rules[name] = partial(_wrong_function, tuple(inputs[isinstance(member, FunctionType) :]))
             continue
-        hint = get_type_hints(member.fget).get("return") if isinstance(member, property) else hints.get(name)
+        getter = getattr(member, "fget", None) or getattr(member, "func", None)  # of a property, or a cached one
+        hint = get_type_hints(getter).get("return") if getter else hints.get(name)
         if (rule := _of_values(hint)) is not None:
             rules[name] = rule
     return rules

@@ -6,9 +6,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -171,29 +170,10 @@ class KeyPart:
     code: Code
 
 
-@dataclass(frozen=True)
-class KeyParts:
-    """All of a key but the track and the seed."""
-
-    harness: KeyPart
-    task: KeyPart
-    method: KeyPart
-    agent: KeyPart
-
-    @cached_property
-    def code(self) -> tuple[Code, ...]:
-        """The code that must stay the same while the cell runs."""
-        return self.harness.code, self.task.code, self.method.code, self.agent.code
-
-    @cached_property
-    def parts(self) -> tuple[tuple[str, str], ...]:
-        plugged = (self.task, self.method, self.agent)
-        packages = sorted({package for part in plugged for package in part.code.packages})
-        hashes = (self.harness.digest, *(part.digest for part in plugged), digest(packages))
-        return tuple(zip(PARTS, hashes, strict=True))
-
-    def key(self, track: str, seed: int) -> str:
-        return digest([track, *self.parts, seed])
+def parts_of(used: Sequence[KeyPart]) -> tuple[tuple[str, str], ...]:
+    """Name and hash of each part of a key but track and seed, of harness, task, method and agent."""
+    packages = sorted({package for part in used[1:] for package in part.code.packages})
+    return tuple(zip(PARTS, (*(part.digest for part in used), digest(packages)), strict=True))
 
 
 def harness() -> KeyPart:

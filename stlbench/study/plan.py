@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -24,14 +23,14 @@ from stlbench.study import initial
 from stlbench.study.cell import (
     Cell,
     KeyPart,
-    KeyParts,
-    Recipe,
     Recipes,
     agent_part,
+    digest,
     harness,
     method_part,
     on_track,
     own_agent_on,
+    parts_of,
     task_part,
 )
 from stlbench.study.code_changes import changed
@@ -91,27 +90,21 @@ class _Planned:
     track: Track
     harness: KeyPart
     init: Path | None
+    known: dict[Any, tuple[KeyPart, KeyPart]] = field(default_factory=dict)
+    """The parts of task and agent so far. No seed changes them, and a method only by its recipe."""
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: KeyPart, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
-        within = self._key_parts(part, agent, recipe)
-        cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
-        place = named_tasks.place_of(self.task.choice.name)
-        deadline = self.task.budget(self.budget).deadline
-        return Cell(cell, within.key(self.track, seed), deadline, recipe, place, self.init, within.parts, within.code)
-
-    def _key_parts(self, part: KeyPart, agent: Choice, recipe: Recipe | None) -> KeyParts:
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
-        if setting not in self._known:
+        if setting not in self.known:
             task = on_track(self.task, agent, self.track, recipe)
-            self._known[setting] = task_part(task, self.budget), agent_part(task, agent)
-        own, trained = self._known[setting]
-        return KeyParts(self.harness, own, part, trained)
-
-    @cached_property
-    def _known(self) -> dict[Any, tuple[KeyPart, KeyPart]]:
-        """The parts of task and agent so far. No seed changes them, and a method only by its recipe."""
-        return {}
+            self.known[setting] = task_part(task, self.budget), agent_part(task, agent)
+        own, trained = self.known[setting]
+        used = self.harness, own, part, trained
+        cell, parts = CellId(self.task.choice, method, agent, seed, self.budget, self.track), parts_of(used)
+        place, deadline = named_tasks.place_of(self.task.choice.name), self.task.budget(self.budget).deadline
+        key, code = digest([self.track, *parts, seed]), tuple(each.code for each in used)
+        return Cell(cell, key, deadline, recipe, place, self.init, parts, code)
 
 
 @dataclass(frozen=True)

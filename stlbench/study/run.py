@@ -6,9 +6,8 @@ looked up once more, as another process may have written meanwhile, and runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -135,64 +134,44 @@ def run_cells(
     cannot be loaded, or the ledger is none, or another process writes in the folder; then nothing ran, and nothing was
     written.
     """
-    progress, provenance = progress or Silent(), collect(executor.jobs)
-    look = partial(_left, cells, retry, attempts, keep_old, until, provenance)
+    progress, today, place = progress or Silent(), collect(executor.jobs), folder.absolute()
+    known = {cell.key for cell in cells}
+
+    def look(ledger: Ledger) -> tuple[list[Cell], list[str], int]:
+        """The cells that would run, lines on why, and how many have a result."""
+        missing, old = _lacking(cells, retry, attempts, keep_old, ledger)
+        notes = [outdated_note(old, ledger, today, keep_old)] if old else []
+        if retry and attempts and (lost := ledger.given_up(known, attempts)):
+            notes.append(_given_up(lost, attempts))
+        over = until is not None and any(map(until, ledger.results(known)))
+        return [] if over else missing, notes, len(cells) - len(missing)
+
     with Ledger(folder / LEDGER) as ledger:
-        checked = check_cells(look(ledger).missing)
+        checked = check_cells(look(ledger)[0])
     with writing(folder), Ledger(folder / LEDGER) as ledger:
         results_folder.take_over(folder, ledger)
-        left = look(ledger)
+        missing, notes, done = look(ledger)
         ledger.plan({cell.key: cell.id for cell in cells})
-        progress.begin([cell.id for cell in left.missing], left.done)
-        for line in (*left.notes, *checked.notes):
+        progress.begin([cell.id for cell in missing], done)
+        for line in (*notes, *checked.notes):
             progress.note(line)
-        for agent, work in uncompiled(checked.agents, left.missing):
+        for agent, compile_it in uncompiled(checked.agents, missing):
             progress.note(f"compiling {agent}, once per machine")
-            work()
-        with closing(_run(left.missing, folder, ledger, executor, provenance)) as results:
+            compile_it()
+        in_folder = partial(run_checked, run_cell=trial.run_cell, folder=place)  # a worker may have another directory
+        work = Work(in_folder, partial(preload, examples(missing)), partial(_log_of, place), here)
+        with (
+            ConsistencyCheck(missing, place) as examined,
+            closing(scheduler.run(missing, ledger, executor, work, today, examined)) as results,
+        ):
             for result in results:
                 progress.ended(result)
                 if until is not None and until(result):
                     break
 
 
-@dataclass(frozen=True)
-class _Left:
-    """The cells that a study lacks, how many have a result, and lines on why."""
-
-    missing: Sequence[Cell]
-    done: int
-    notes: tuple[str, ...]
-
-
-def _left(
-    cells: Sequence[Cell],
-    retry: Collection[Status],
-    attempts: int | None,
-    keep_old: bool | None,
-    until: Until | None,
-    today: Mapping[str, str],
-    ledger: Ledger,
-) -> _Left:
-    """Look up what a ledger lacks; `today` is the provenance of cells that start now."""
-    known, notes = {cell.key for cell in cells}, list[str]()
-    missing, old = _lacking(cells, retry, attempts, keep_old, ledger)
-    if old:
-        notes.append(outdated_note(old, ledger, today, keep_old))
-    if retry and attempts and (lost := ledger.given_up(known, attempts)):
-        notes.append(_given_up(lost, attempts))
-    done = len(cells) - len(missing)
-    if until is not None and any(map(until, ledger.results(known))):
-        missing = []
-    return _Left(missing, done, tuple(notes))
-
-
 def _lacking(
-    cells: Sequence[Cell],
-    retry: Collection[Status],
-    attempts: int | None,
-    keep_old: bool | None,
-    ledger: Ledger,
+    cells: Sequence[Cell], retry: Collection[Status], attempts: int | None, keep_old: bool | None, ledger: Ledger
 ) -> tuple[list[Cell], dict[str, Cell]]:
     """The cells that would run, and those that have a result of other code, by its key."""
     known = {cell.key: cell for cell in cells}
@@ -207,20 +186,6 @@ def _given_up(cells: Sequence[CellId], attempts: int) -> str:
     named = ", ".join(cell.name for cell in cells[:3]) + (", ..." if len(cells) > 3 else "")
     text = f"{counted(len(cells), 'cell')} failed {attempts} times or more in a row, given up: {named}"
     return f"{text}; --attempts with a greater number tries again"
-
-
-def _run(
-    cells: Sequence[Cell], folder: Path, ledger: Ledger, executor: Executor, provenance: Mapping[str, str]
-) -> Generator[Result]:
-    """The result of each cell, recorded, as they end."""
-    place = folder.absolute()  # a worker elsewhere has another working directory
-    in_folder = partial(run_checked, run_cell=trial.run_cell, folder=place)
-    work = Work(in_folder, partial(preload, examples(cells)), partial(_log_of, place), here)
-    with (
-        ConsistencyCheck(cells, place) as examined,
-        closing(scheduler.run(cells, ledger, executor, work, provenance, examined)) as results,
-    ):
-        yield from results
 
 
 def _log_of(results: Path, cell: Cell) -> Path:

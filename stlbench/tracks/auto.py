@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from math import ceil
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -35,19 +35,6 @@ from stlbench.task.task import Task
 
 _FEW = 8
 """Copies of an environment whose first samples are looked at. A system has eight times as many, as copies are cheap."""
-
-Relation: TypeAlias = Literal["equivalent", "stronger", "weaker"]
-"""The relation of a new formula to the one before. The same traces satisfy it; some of these alone;
-or these and perhaps others."""
-
-
-@dataclass(frozen=True)
-class Rewrite:
-    """One rule applied."""
-
-    rule: str
-    relation: Relation
-    formula: Formula
 
 
 def alternatives(task: Task) -> tuple[Schedule, ...]:
@@ -99,26 +86,19 @@ def scheduled(task: Task) -> Formula | None:
     return found[0].formula if found else None
 
 
-def rewrites(file: TaskFile, initial: Array) -> tuple[Rewrite, ...]:
-    """The formulas from the task's own to the one that methods are given; rules that change nothing are left out.
+def rewarded(file: TaskFile, initial: Array) -> Formula:
+    """The formula that methods are given.
 
     Args:
         file: the file of a task, with its schedule if it has one.
         initial: samples (n, k) of the signals at the start of episodes.
     """
-    found = [Rewrite("task", "equivalent", file.formula)]
-
-    def add(rule: str, relation: Relation, formula: Formula) -> None:
-        if formula != found[-1].formula:
-            found.append(Rewrite(rule, relation, formula))
-
+    formula = file.formula
     if file.schedule is not None:
-        add("schedule", "stronger", file.schedule)
-        earlier = pursued(fragment(file.schedule), _regions_of(file, initial))
-        add("begins", "weaker", conjunction(earlier))
-    add("form", "weaker", normal_form(found[-1].formula))
-    add("scale", "equivalent", derived(found[-1].formula, file.box, units(file), initial, file.hold))
-    return tuple(found)
+        formula = conjunction(pursued(fragment(file.schedule), _regions_of(file, initial)))
+    for rule in (normal_form, lambda now: derived(now, file.box, units(file), initial, file.hold)):
+        formula = formula if (other := rule(formula)) == formula else other  # an equal one may be written otherwise
+    return formula
 
 
 def units(file: TaskFile) -> dict[str, str]:
@@ -194,7 +174,7 @@ def _otherwise(task: Task) -> Formula | None:
         return None
     stronger = replace(task, file=task.file.model_copy(update={"formula": formula, "nested": None}))
     file = stronger.file.model_copy(update={"schedule": scheduled(stronger)})
-    return file.followed if "rewarded" in task.left_out else rewrites(file, initial_samples(task))[-1].formula
+    return file.followed if "rewarded" in task.left_out else rewarded(file, initial_samples(task))
 
 
 def _helped(task: Task, agent: str) -> TaskFile:
@@ -204,11 +184,11 @@ def _helped(task: Task, agent: str) -> TaskFile:
     initial = initial_samples(bare)
     nested = None
     if file.nested is not None and file.schedule is None:
-        nested = rewrites(file.model_copy(update={"formula": file.nested}), initial)[-1].formula
+        nested = rewarded(file.model_copy(update={"formula": file.nested}), initial)
     return file.model_copy(
         update={
             "features": "formula",
-            "rewarded": rewrites(file, initial)[-1].formula,
+            "rewarded": rewarded(file, initial),
             "nested": nested,
             "training": TrainingEpisodes(
                 cuts=cuts(file.followed, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)

@@ -12,11 +12,13 @@ from helpers.line_task import line
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.schedules.plan import UnscheduledError
+from stlbench.schedules.plan import UnscheduledError, conjunction
+from stlbench.schedules.schedule import pursued
 from stlbench.simulation.referee import Referee
 from stlbench.study.cell import on_track
 from stlbench.task import Task, build_method, load_task
-from stlbench.tracks.auto import alternatives, initial_samples, rewrites, scheduled
+from stlbench.task.forms import normal_form
+from stlbench.tracks.auto import alternatives, initial_samples, regions, rewarded, scheduled
 
 NESTED = {
     "chain": "F[0,4] (x >= 5 & F[0,4] x <= -5)",
@@ -82,20 +84,20 @@ def test_a_formula_that_has_its_windows_stays_as_it_is(formula: str) -> None:
     assert helped(line(formula=formula)).file.schedule is None
 
 
-def test_each_rewrite_says_how_it_relates_to_the_one_before() -> None:
+def test_each_form_relates_to_the_one_before_as_it_should() -> None:
+    """The schedule asks for more, conditions that waiting satisfies are left out, and the scale changes no verdict."""
     task = line(formula=NESTED["response"])
     file = helped(task).file
-    found = rewrites(file, initial_samples(task))
-    assert [(each.rule, each.relation) for each in found][:2] == [("task", "equivalent"), ("schedule", "stronger")]
-    assert found[-1].rule == "scale"
-    assert found[-1].formula == file.rewarded
+    assert file.schedule is not None
+    begins = conjunction(pursued(stl.fragment(file.schedule), regions(task)))
+    forms = [task.formula, file.schedule, begins, normal_form(begins), rewarded(file, initial_samples(task))]
+    assert forms[-1] == file.rewarded
     walks = np.random.default_rng(0).choice([-9.0, -5.0, 0.0, 5.0, 9.0], (5_000, 9, 1))
-    before = stl.satisfied(found[0].formula, walks, ["x"])
-    for each in found[1:]:
-        now = stl.satisfied(each.formula, walks, ["x"])
-        assert each.relation == "weaker" or (now <= before).all()
-        assert each.relation == "stronger" or (now >= before).all()
-        before = now
+    own, schedule, begun, form, scale = (stl.satisfied(each, walks, ["x"]) for each in forms)
+    assert (schedule <= own).all()
+    assert (schedule <= begun).all()
+    assert (begun <= form).all()
+    assert (scale == form).all()
 
 
 def test_the_referee_and_the_selection_know_the_own_formula_alone() -> None:
