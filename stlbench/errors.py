@@ -1,7 +1,5 @@
 """A mistake of the user, as one clear line."""
 
-from __future__ import annotations
-
 import errno
 import re
 import sqlite3

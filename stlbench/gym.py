@@ -19,8 +19,6 @@ what a task file says under `training`, only where episodes start is done here; 
 episode's samples, in order, are a trace that `stlbench.stl` can score with `env.unwrapped.task.formula`.
 """
 
-from __future__ import annotations
-
 import gymnasium
 
 from stlbench.registry import plugins

@@ -5,8 +5,6 @@ Numba may change in any version. `plain_kernels` uses the documented `numba.njit
 one cannot be imported, does not compile, or computes something else.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from types import ModuleType

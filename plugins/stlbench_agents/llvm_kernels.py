@@ -10,8 +10,6 @@
 - Calls. Numba looks at the type of every argument of every call; `fixed_types` does so once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

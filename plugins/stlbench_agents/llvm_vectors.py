@@ -1,7 +1,5 @@
 """Vectors of numbers in functions that are written for LLVM. It builds on interfaces which Numba may change."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from llvmlite import ir

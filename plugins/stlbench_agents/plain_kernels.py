@@ -4,8 +4,6 @@ Both modules have the same functions, which `kernels` describes, and give the sa
 same order and round at the same places. An update takes several times as long here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeVar, cast

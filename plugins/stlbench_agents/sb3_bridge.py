@@ -1,7 +1,5 @@
 """The bridge from stlbench.contract to Stable-Baselines3. Only training imports it, as SB3 takes seconds to import."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@ As in `stlbench_agents.dqn`, the observation contains the time, targets weight r
 where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here updates are compiled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

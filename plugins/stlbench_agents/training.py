@@ -17,22 +17,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from stlbench.contract import (
-    ActionBox,
-    ActionGrid,
-    Actions,
-    Agent,
-    Array,
-    Arrays,
-    Cost,
-    CounterfactualEnvironment,
-    Environment,
-    Integers,
-    Policy,
-    Training,
-    Transition,
-    Unsuitable,
-)
+from stlbench import contract
 from stlbench.contract.compiled import is_ready, note_ready
 
 
@@ -47,23 +32,23 @@ _UNIT = 40
 _STORED = 2 * 4  # bytes of an input in replay: in single precision, before and after the transition
 
 
-def cost_of(size: int, widths: Sequence[int], outputs: int, transitions: int) -> Cost:
+def cost_of(size: int, widths: Sequence[int], outputs: int, transitions: int) -> contract.Cost:
     products = sum(before * after for before, after in pairwise([size, *widths, outputs]))
-    return Cost(replay=transitions * size * _STORED, update=float(products + _UNIT * (sum(widths) + outputs)))
+    return contract.Cost(replay=transitions * size * _STORED, update=float(products + _UNIT * (sum(widths) + outputs)))
 
 
-def grid_of(actions: Actions) -> ActionGrid:
-    if not isinstance(actions, ActionGrid):
-        raise Unsuitable(
+def grid_of(actions: contract.Actions) -> contract.ActionGrid:
+    if not isinstance(actions, contract.ActionGrid):
+        raise contract.Unsuitable(
             f"the task's actions {', '.join(actions.names)} are continuous, and this agent chooses from a grid; "
             "give each axis a count, or take an agent such as td3"
         )
     return actions
 
 
-def box_of(actions: Actions) -> ActionBox:
-    if not isinstance(actions, ActionBox):
-        raise Unsuitable(
+def box_of(actions: contract.Actions) -> contract.ActionBox:
+    if not isinstance(actions, contract.ActionBox):
+        raise contract.Unsuitable(
             f"the task's actions {', '.join(actions.names)} are a grid, and this agent's are continuous; "
             "take an agent such as dqn"
         )
@@ -75,7 +60,7 @@ def refuse_other(own: Sequence[int], other: Sequence[int]) -> None:
     for what, ours, theirs in (("inputs", own[:1], other[:1]), ("hidden units", own[1:], other[1:])):
         if ours != theirs:
             numbers = [" and ".join(map(str, each)) for each in (theirs, ours)]
-            raise Unsuitable(f"the policy to start from has {numbers[0]} {what}, and {numbers[1]} are needed")
+            raise contract.Unsuitable(f"the policy to start from has {numbers[0]} {what}, and {numbers[1]} are needed")
 
 
 def resumed_rate(recipe: Learner) -> float:
@@ -98,7 +83,7 @@ SHARED: Mapping[str, Any] = MappingProxyType({"net_arch": [128, 128], "gamma": 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Learner(Agent):
+class Learner(contract.Agent):
     """An agent that trains networks with Adam."""
 
     net_arch: Widths = (64, 64)
@@ -150,14 +135,14 @@ class DeepQ(OffPolicy):
     """the gradient's norm is clipped to this"""
 
     @classmethod
-    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+    def restore(cls, arrays: contract.Arrays, actions: contract.Actions) -> contract.Policy:
         from stlbench_agents.q_policy import GreedyPolicy  # imports Numba, which parameters do not need
 
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompiledAgent(Agent):
+class CompiledAgent(contract.Agent):
     """An agent with code that is compiled once on each machine."""
 
     @property
@@ -180,13 +165,13 @@ class CompiledAgent(Agent):
 class LockStepLearner(Protocol):
     """The learner that is trained."""
 
-    def act(self, observation: Array) -> Any:
+    def act(self, observation: contract.Array) -> Any:
         """The environment's actions at observations (N, D): exploring ones, of the next step."""
 
-    def learn(self, observation: Array, action: Any, transition: Transition) -> None:
+    def learn(self, observation: contract.Array, action: Any, transition: contract.Transition) -> None:
         """Store that step, and update."""
 
-    def policy(self) -> Policy:
+    def policy(self) -> contract.Policy:
         """The policy as it is now, which later updates do not change."""
 
     def resume(self, policy: Any) -> None:
@@ -207,10 +192,10 @@ class LockStepAgent(OffPolicy, CompiledAgent):
     resumes = True
 
     @abstractmethod
-    def begin(self, environment: Environment, seed: int, rounds: int) -> LockStepLearner:
+    def begin(self, environment: contract.Environment, seed: int, rounds: int) -> LockStepLearner:
         """A fresh learner, for so many steps of all copies. Raises `Unsuitable` if the actions are of another kind."""
 
-    def train(self, training: Training) -> Policy:
+    def train(self, training: contract.Training) -> contract.Policy:
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner, reports = self.begin(environment, training.seed, rounds), report_rounds(rounds, training.checkpoints)
@@ -236,19 +221,21 @@ class Counterfactuals:
     so that a method without them has the same actions.
     """
 
-    def __init__(self, environment: Environment, seed: int) -> None:
-        self._environment: CounterfactualEnvironment | None = None
-        if isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals > 0:
+    def __init__(self, environment: contract.Environment, seed: int) -> None:
+        self._environment: contract.CounterfactualEnvironment | None = None
+        if isinstance(environment, contract.CounterfactualEnvironment) and environment.counterfactuals > 0:
             self._environment = environment
         self._times = 0 if self._environment is None else self._environment.counterfactuals
         self._generator = np.random.default_rng([seed, 1, 1])
         self.copies = environment.count * (1 + self._times)
 
-    def added(self, observation: Array, action: Integers, transition: Transition) -> tuple[Array, Integers, Transition]:
+    def added(
+        self, observation: contract.Array, action: contract.Integers, transition: contract.Transition
+    ) -> tuple[contract.Array, contract.Integers, contract.Transition]:
         """A lock-step of N copies (N, D), (N,), followed by the counterfactual ones: `copies` rows each."""
         if self._environment is None:
             return observation, action, transition
         drawn = [self._environment.counterfactual(self._generator) for _ in range(self._times)]
         columns: Iterable[Any] = zip(transition, *(after for _, after in drawn), strict=True)
         observations = np.concatenate([observation, *(before for before, _ in drawn)])
-        return observations, np.tile(action, 1 + self._times), Transition(*map(np.concatenate, columns))
+        return observations, np.tile(action, 1 + self._times), contract.Transition(*map(np.concatenate, columns))

@@ -4,8 +4,6 @@ On Linux the supervisor inherits each process whose parent ends (`adopt`). Elsew
 parent and its group escapes.
 """
 
-from __future__ import annotations
-
 import ctypes
 import faulthandler
 import math

@@ -1,7 +1,5 @@
 """Processes on this machine: `jobs` at a time, a fresh one for each item (`pool`)."""
 
-from __future__ import annotations
-
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Sequence

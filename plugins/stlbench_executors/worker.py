@@ -1,7 +1,5 @@
 """Items for workers of any engine: the items, the pool that runs them on a worker, and the versions there."""
 
-from __future__ import annotations
-
 import pickle
 import platform
 import threading

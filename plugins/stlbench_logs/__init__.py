@@ -1,7 +1,5 @@
 """The built-in logs: runs shown by tools of others."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from stlbench.contract import Unsuitable

@@ -1,7 +1,5 @@
 """TensorBoard: a run of it for each cell, in files that `tensorboard --logdir` reads."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from pathlib import Path

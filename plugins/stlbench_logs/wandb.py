@@ -1,7 +1,5 @@
 """Weights & Biases: a run of it for each cell, in one group for each folder of results."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from pathlib import Path

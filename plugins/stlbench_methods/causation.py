@@ -1,7 +1,5 @@
 """causation: how far the newest sample causes a violation (Tang, Zhang, Zhang, An, arXiv 2510.07715, 2025)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 

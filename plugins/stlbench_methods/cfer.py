@@ -1,7 +1,5 @@
 """cfer: flags, learned from counterfactual experiences too (Wang, Yin et al., L-CSS 2024)."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal
 

@@ -6,8 +6,6 @@ A part's memory ends with its state: DONE, FAILED, or a count. Its other numbers
 - Answer: [the run of the answer,] the age of the oldest open request, 0 without one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers, Truth

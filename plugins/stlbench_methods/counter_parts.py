@@ -1,7 +1,5 @@
 """The parts of a formula that counters decide: chains of stages, and requests that wait for an answer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn

@@ -1,7 +1,5 @@
 """counters: exact memory of one integer for each nested operator, and other counters to learn from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

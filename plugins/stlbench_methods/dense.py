@@ -1,7 +1,5 @@
 """dense: the robustness of the trace so far, at every step (STLGym, Hamilton et al. 2022), or how it grows."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """flag: F-MDP, one flag per term instead of a history (Venkataraman, Aksaray, Seiler, L4DC 2020)."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from abc import ABC, abstractmethod

@@ -1,7 +1,5 @@
 """Parts of formulas that several methods need: windows, ranges, predicates, their values, and when a term is active."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

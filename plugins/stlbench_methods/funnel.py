@@ -1,7 +1,5 @@
 """funnel: robustness kept above a bound that rises in time (Saxena et al., eq. 5, 11, 12, Table I, Algorithm 1)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """hprs: hierarchical potential-based reward shaping (Berducci, Aguilar, Nickovic, Grosu, arXiv 2110.02792)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """machine: a reward machine whose clock is the time (Toro Icarte et al., JAIR 2022, arXiv 2010.03950)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

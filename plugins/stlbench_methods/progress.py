@@ -4,8 +4,6 @@ The memory has a summary of the steps that are decided: the running maximum or m
 also has the last values of phi's leaves, as many samples as decide phi.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
@@ -13,15 +11,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
-from stlbench_methods.formula_parts import (
-    Margins,
-    SemanticsName,
-    Sharpness,
-    Values,
-    from_first_read,
-    refuse_past,
-    scaled,
-)
+from stlbench_methods import formula_parts
 
 
 class Outer(NamedTuple):
@@ -41,8 +31,8 @@ class Window:
         values: the values of phi's leaves, and the semantics that combines them.
     """
 
-    def __init__(self, outer: Outer, specification: Specification, values: Values) -> None:
-        shift, phi = from_first_read(outer.phi) if stl.is_temporal(outer.phi) else (0, outer.phi)
+    def __init__(self, outer: Outer, specification: Specification, values: formula_parts.Values) -> None:
+        shift, phi = formula_parts.from_first_read(outer.phi) if stl.is_temporal(outer.phi) else (0, outer.phi)
         self.fold, self.first, self.last = outer.fold, outer.steps[0] + shift, outer.steps[1] + shift
         self.phi = stl.Quantity(phi, specification.signals, values.semantics, values.of)
         self.ahead = self.phi.horizon
@@ -61,7 +51,7 @@ class RunningWindow(Window):
     Memories are (N, size): the summary, and the values of the leaves at steps t - ahead to t, oldest first.
     """
 
-    def __init__(self, outer: Outer, specification: Specification, values: Values) -> None:
+    def __init__(self, outer: Outer, specification: Specification, values: formula_parts.Values) -> None:
         super().__init__(outer, specification, values)
         self.ends = self.ends_of(self.last - self.first + 1)
         empty = self.phi_ends[0 if self.fold.sign < 0 else 1]  # an empty F is as bad as can be, an empty G as good
@@ -114,10 +104,10 @@ class RunningWindow(Window):
         return self.fold.read(self.fold.merge(known, to_come))
 
     def inputs(self, memory: Array) -> Array:
-        value = scaled(self.fold.read(memory[:, : self.fold.size])[:, None], *self.ends)
+        value = formula_parts.scaled(self.fold.read(memory[:, : self.fold.size])[:, None], *self.ends)
         if not self.ahead:
             return value
-        history = scaled(self._history(memory), *self.bounds)
+        history = formula_parts.scaled(self._history(memory), *self.bounds)
         return np.concatenate([value, history.reshape(len(memory), -1)], axis=1)
 
     def _with(self, values: Array, memory: Array, t: Integers, last: Integers) -> Array:
@@ -167,7 +157,7 @@ class Progress:
         Unsuitable: an operator looks back.
     """
 
-    def __init__(self, specification: Specification, values: Values) -> None:
+    def __init__(self, specification: Specification, values: formula_parts.Values) -> None:
         outer, self._join = outer_windows(specification.formula, values.semantics)
         self._windows = [RunningWindow(each, specification, values) for each in outer]
         self._cuts = np.cumsum([window.size for window in self._windows])[:-1]
@@ -217,7 +207,7 @@ def outer_windows(formula: stl.Formula, semantics: stl.Semantics) -> tuple[list[
 
     A part that is no window is one of step 0 alone. Raises `Unsuitable` if an operator looks back.
     """
-    refuse_past(formula)
+    formula_parts.refuse_past(formula)
     inside = stl.negations_inside(formula, to_predicates=semantics.divided)
     found = list[Outer]()
     join = _join(inside, semantics, found)
@@ -263,10 +253,16 @@ class Followed(RewardMethod):
     """
 
     def __init__(
-        self, specification: Specification, *, semantics: SemanticsName = "classic", sharpness: Sharpness = 10.0
+        self,
+        specification: Specification,
+        *,
+        semantics: formula_parts.SemanticsName = "classic",
+        sharpness: formula_parts.Sharpness = 10.0,
     ) -> None:
         super().__init__(specification)
-        self._progress = Progress(specification, Margins(specification, stl.semantics(semantics, sharpness)))
+        self._progress = Progress(
+            specification, formula_parts.Margins(specification, stl.semantics(semantics, sharpness))
+        )
         self.memory_size, self.input_size = self._progress.size, self._progress.input_size
         self.scale, self.floor = max(map(abs, self._progress.ends)), min(0.0, self._progress.ends[0])
 

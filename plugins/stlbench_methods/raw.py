@@ -1,7 +1,5 @@
 """raw: the robustness of the active terms and nothing else (Saxena et al., eq. 18)."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import numpy as np

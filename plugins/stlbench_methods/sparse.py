@@ -1,7 +1,5 @@
 """sparse: the formula's verdict, paid once at the end, which every other method tries to improve on."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """tau-cmdp: flags in place of the last tau samples (Ikemoto, Ushio, IEEE Access 2022), without its Lagrangian."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import numpy as np

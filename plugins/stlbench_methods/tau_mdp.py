@@ -1,7 +1,5 @@
 """tau-mdp: the state is the last tau samples (Aksaray, Jones, Kong, Schwager, Belta, CDC 2016)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal

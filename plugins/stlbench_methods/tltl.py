@@ -1,7 +1,5 @@
 """tltl: the robustness of the whole trace, paid at its end (Li, Vasile, Belta, IROS 2017)."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 from stlbench_methods.progress import Followed

@@ -1,7 +1,5 @@
 """The memories of flag and machine, sample by sample; compiled."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 

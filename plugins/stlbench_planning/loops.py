@@ -5,8 +5,6 @@ a grid is the number of its lowest corner, -1 outside, and a weight for each axi
 next corner along each axis, the last of which is 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar, cast

@@ -5,8 +5,6 @@ sample that counts has been, for F[a,c1] G[c2,b] psi how many decisions of the w
 that is greedy on values may put an F off for ever.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product

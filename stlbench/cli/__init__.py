@@ -1,7 +1,5 @@
 """The command line: each command has a module, which is imported when the command is called."""
 
-from __future__ import annotations
-
 import sys
 from typing import Annotated
 

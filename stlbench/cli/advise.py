@@ -1,7 +1,5 @@
 """`stlbench advise`: which reward methods fit a task's formula, why others do not, and what results say of them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace

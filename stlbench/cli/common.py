@@ -1,7 +1,5 @@
 """Common to all commands: they are imported when they are called, and their errors are one line."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

@@ -1,7 +1,5 @@
 """`stlbench new` and `stlbench check`: a plugin that works, for its author to change; and its conformance kit."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

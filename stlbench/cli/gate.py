@@ -1,7 +1,5 @@
 """`stlbench gate` and `stlbench compare`: are new results worse than a reference, or than other results?"""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

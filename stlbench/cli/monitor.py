@@ -1,7 +1,5 @@
 """`stlbench monitor`: robustness and verdict of a recorded trace."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple

@@ -1,7 +1,5 @@
 """The options that commands share. Those of a study come from the fields of `Study`."""
 
-from __future__ import annotations
-
 import inspect
 import warnings
 from collections.abc import Callable, Iterable

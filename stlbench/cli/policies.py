@@ -2,8 +2,6 @@
 with stlbench or are in a folder of results.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal

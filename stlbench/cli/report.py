@@ -2,8 +2,6 @@
 results, or of bundles.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext

@@ -2,8 +2,6 @@
 whether one, or a bundle, is whole.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`stlbench list` and `stlbench show`: the installed plugins, and one cell, method or task in full."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import sys

@@ -1,7 +1,5 @@
 """`stlbench show task`: what a task asks, what its controller and baselines get, what methods make of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """`stlbench solve`: from an environment and a formula to a certified policy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

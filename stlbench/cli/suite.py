@@ -1,7 +1,5 @@
 """`stlbench suite`: the tasks that suites make from their names, and pictures of their witnesses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any

@@ -67,8 +67,6 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `stlbench.contract.presentation` | plugins with something to show in tables, figures and films |
 '''
 
-from __future__ import annotations
-
 from stlbench.contract.agent import (
     ActionBox,
     ActionGrid,

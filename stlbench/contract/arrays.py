@@ -1,7 +1,5 @@
 """Types of arrays. Import them from `stlbench.contract`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@ constants or functions it reads, Numba goes on with the old ones. So here is a f
 setting of Numba is changed: functions of others are cached as before.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

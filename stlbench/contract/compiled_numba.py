@@ -1,7 +1,5 @@
 """Numba's cache in a folder that we choose. It builds on interfaces that Numba may change in any version."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import suppress
 from pathlib import Path

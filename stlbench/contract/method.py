@@ -1,7 +1,5 @@
 """Reward methods, and the specification that they are built for. Import them from `stlbench.contract`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

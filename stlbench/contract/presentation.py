@@ -1,7 +1,5 @@
 """Additions for plugins with something to show in tables, figures and films. They need no base class."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable

@@ -1,7 +1,5 @@
 """Around a run: executors, which run cells, and logs, which follow it. Import them from `stlbench.contract`."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field

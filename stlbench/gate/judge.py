@@ -11,8 +11,6 @@ a setting (one task, method, agent, budget and track) decide:
 Costs of two snapshots are *not judged*: the machine was busy otherwise at another hour. `turns` judges those by turns.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence

@@ -4,8 +4,6 @@ A *reference* is a snapshot in a folder: `cells.csv`, one row per cell, is small
 diff; `provenance.json` says how it was measured.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

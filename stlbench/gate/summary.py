@@ -1,7 +1,5 @@
 """A verdict written down: JSON, Markdown, JUnit XML for CI servers, and a comment for a pull request."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -5,8 +5,6 @@ objects, one for each cell. A fork trains each cell: no cell sees what another d
 ends nothing else.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -8,8 +8,6 @@ A file of traces has `traces` (N, T + 1, k) and `signals` (k,), their names. For
 of the best and the worst start, and `states` (2, decisions + 1, n) the states on the way from them.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import math

@@ -3,8 +3,6 @@
 It is read row by row: a damaged part is named in a warning, and skipped.
 """
 
-from __future__ import annotations
-
 import sqlite3
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

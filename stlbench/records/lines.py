@@ -3,8 +3,6 @@
 The last line of a cell counts. So a run takes nothing out of its file: what came later stands below.
 """
 
-from __future__ import annotations
-
 import json
 import lzma
 import os

@@ -6,8 +6,6 @@ have any file's content shown or packed. A pipe would be waited for. So none of 
 folder itself may be a link.
 """
 
-from __future__ import annotations
-
 import csv
 import fcntl
 import io

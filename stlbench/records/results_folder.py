@@ -2,8 +2,6 @@
 else of `cells.jsonl.xz`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The rows of a ledger as Python values, with checksums; and the warning about a damaged one."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -1,7 +1,5 @@
 """The tables of a ledger, and how its file is opened: to read without a right to write, to write in one file."""
 
-from __future__ import annotations
-
 import shlex
 import sqlite3
 from contextlib import ExitStack, closing, suppress

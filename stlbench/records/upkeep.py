@@ -1,7 +1,5 @@
 """The upkeep of folders of results: checked by their checksums, cells taken out, folders put together."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The parts of a plugin that break its contract, as far as a look at the object shows: no function of it is called."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial

@@ -1,7 +1,5 @@
 """Code of others that would end this process without a word, or hang: each says who it was."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -6,8 +6,6 @@ A path that is named is known to this process from then on, by the folder's name
 folder is: it is loaded as a package whose name is made from the folder's, so its fingerprint is the same anywhere.
 """
 
-from __future__ import annotations
-
 import inspect
 import os
 import sys

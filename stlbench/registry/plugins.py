@@ -1,7 +1,5 @@
 """Plugins by entry point: found without importing anything, loaded one by one, each guarded."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

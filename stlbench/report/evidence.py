@@ -1,7 +1,5 @@
 """The evidence of trainings on drawn formulas for a method for a formula of the same form."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A report as files: all tables as Markdown, CSV and LaTeX, and figures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stlbench.records import result_files

@@ -1,8 +1,6 @@
 """The regions of conditions within the ranges of the signals: their points, their distances, and which exclude each
 other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The schedule of a formula: the alternative, the order and the times that ask for the least pace."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache

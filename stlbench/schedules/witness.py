@@ -3,8 +3,6 @@
 A mixed-integer programme chooses where each witness meets each event, and the windows around these steps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Certificates: an interval for the probability that a random start satisfies the formula, with its confidence."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Falsification: search the starts of a task for the one from which its formula is violated most."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import suppress

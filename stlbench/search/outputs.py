@@ -1,7 +1,5 @@
 """Results of searches as tables, and as the files of a counterexample."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

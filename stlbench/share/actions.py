@@ -1,7 +1,5 @@
 """Actions of a policy from outside, checked and taken to the task's actions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

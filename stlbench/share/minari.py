@@ -1,7 +1,5 @@
 """Episodes of stored policies as data sets of Minari, with the referee's robustness as labels."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """A policy in an ONNX file, run by onnxruntime."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bundles for a report: checked, each method with the name of its bundle; stored policies scored again."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

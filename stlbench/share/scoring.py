@@ -1,7 +1,5 @@
 """The score of a policy that stlbench did not train, by the same referee and starts, and its row in a ledger."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 traces in its place.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import importlib.util

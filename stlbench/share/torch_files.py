@@ -5,8 +5,6 @@ SB3's own `load` unpickles parts of the file, which can run any code. Here the w
 alone, and of the rest only texts.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

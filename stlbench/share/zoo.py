@@ -4,8 +4,6 @@ They are a folder of results like any other: `cells.jsonl` and `policies/`, of w
 alone. `studies/zoo.py` writes it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from stlbench.errors import UsageError

@@ -5,8 +5,6 @@ The referee scores them as policies: from the same starts, with the same `hold`.
 task file states them (`TaskFile.baselines`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import cycle, islice, product

@@ -5,8 +5,6 @@ and end, and the model of them that a planner is given.
 ended; agents train on it. `stlbench.gym` shows the same through Gymnasium's interface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 A message has the name of the plugin, the rule, the step, and the number of copies.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """The world of an environment of Gymnasium, copy by copy: it may be random, stateful, and written in any language."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Mapping
 from typing import Any

@@ -8,8 +8,6 @@ robustness. Scoring all checkpoints from all starts can take longer than the tra
 the same few starts. Then those that are clearly behind the leader leave, and the others go on to more starts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Unless the last sample stays (`hold`), traces have NaN after it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Simulations (`Simulator`) and wrapped environments (`stlbench.wrap`) take the ti
 of an observation (`Observation`) says what its numbers mean.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 

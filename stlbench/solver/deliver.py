@@ -1,7 +1,5 @@
 """The folder of a solution: certificate, counterexamples, policy, page, film, and a text that says what came of it."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import shutil

@@ -3,8 +3,6 @@
 A policy that satisfies from all starts for selection may fail from others. Nothing can satisfy from some starts.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ is said, also that no episode can satisfy the formula.
 Each rule is sound: a reason is a proof, as far as the ranges are true. None proves nothing.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass, field

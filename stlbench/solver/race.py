@@ -4,8 +4,6 @@ A rung is an ordinary study. Its budget is in the task file and its results are 
 goes on. Contestants are compared by the starts for selection, never by those of the report.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

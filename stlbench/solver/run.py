@@ -1,7 +1,5 @@
 """`stlbench.solve`: understand the problem, race, decide, deliver."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

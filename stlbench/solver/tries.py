@@ -4,8 +4,6 @@ user is told of the task.
 It is an evolutionary search on the environment itself. It needs no gradient, no model and no state that can be set.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

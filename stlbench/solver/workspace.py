@@ -1,7 +1,5 @@
 """The folder of a solve: the task file that it writes for a problem, and what the first tries say of it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

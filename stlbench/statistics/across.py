@@ -10,8 +10,6 @@ task of the sample shows, such as rare learning. So shares of seeds, which have 
 resamples. `studies/interval_coverage.py` measures the coverage of all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from math import fsum
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The errors of `stlbench.stl`; each message names the broken rule and what would be right."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Code that changes while a cell runs, which then gets no result under the old key; and results of older code."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import islice

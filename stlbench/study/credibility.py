@@ -4,8 +4,6 @@ A plugin can change the referee in the process of its cell, perhaps by accident.
 on purpose: `docs/reference/evaluation.md`.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator

@@ -5,8 +5,6 @@ A film shows the pictures of a system that draws itself (`presentation.Drawn`) o
 the task file names, else the signals against time.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence

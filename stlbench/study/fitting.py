@@ -3,8 +3,6 @@
 `docs/performance.md` has the measurements behind the two limits.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal

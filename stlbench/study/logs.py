@@ -2,8 +2,6 @@
 hangs is turned off.
 """
 
-from __future__ import annotations
-
 import os
 import threading
 import time

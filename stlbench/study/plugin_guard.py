@@ -1,7 +1,5 @@
 """Plugins of others are asked in the guard that cells have: a process for each question, a deadline and a limit."""
 
-from __future__ import annotations
-
 import pickle
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Stored policies: loaded with their task and method, and simulated again from any start, also in front of a camera."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ First a look without the lock says what is missing, and that alone is checked. T
 looked up once more, as another process may have written meanwhile, and runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial

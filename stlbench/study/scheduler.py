@@ -1,7 +1,5 @@
 """Cells to results: runs them on an executor, and records each result as it ends."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Builds the method or agent that a user chose, for a task; and finds methods that pay for the same."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Iterable, Mapping

@@ -3,8 +3,6 @@
 Each check looks at entries that are right by themselves (`Parts`) and yields a line per broken rule: place and message.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from stlbench import stl

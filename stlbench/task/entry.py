@@ -1,7 +1,5 @@
 """The values of a task file: numbers within limits, formulas, regions of states, and mappings that know their keys."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 checked, several agents as one.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

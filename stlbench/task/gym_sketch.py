@@ -2,8 +2,6 @@
 write the formula.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """The environment of a task: made, checked against the task file, and read; where its copies come from."""
 
-from __future__ import annotations
-
 import atexit
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ The sets share no start, so that no policy is reported from where it was trained
 states, drawn for training and laid out on a fixed grid for the referee; those of an environment are seeds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

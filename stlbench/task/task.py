@@ -13,18 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from stlbench import stl
-from stlbench.contract import (
-    ActionBox,
-    ActionGrid,
-    Actions,
-    GymTask,
-    Specification,
-    System,
-    Truth,
-    Unsuitable,
-    WorldTask,
-)
+from stlbench import contract, stl
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.identity import Track
 from stlbench.registry import named_tasks, plugins
@@ -42,7 +31,7 @@ from stlbench.task.view import FormulaView, bent_columns
 if TYPE_CHECKING:
     from stlbench.task.gym_source import GymSource
 
-Dynamics = System | GymTask | WorldTask
+Dynamics = contract.System | contract.GymTask | contract.WorldTask
 
 
 @dataclass(frozen=True)
@@ -65,15 +54,15 @@ class Task:
         return tuple(_left_out(self.choice))
 
     @property
-    def system(self) -> System:
+    def system(self) -> contract.System:
         """The system, for code that sets its state. Raises `Unsuitable` if the task is none."""
-        if isinstance(self.dynamics, System):
+        if isinstance(self.dynamics, contract.System):
             return self.dynamics
-        raise Unsuitable(f"task {self.name} is no system: its state cannot be set, its starts are seeds")
+        raise contract.Unsuitable(f"task {self.name} is no system: its state cannot be set, its starts are seeds")
 
     @cached_property
     def starts(self) -> StateStarts | SeedStarts:
-        if isinstance(self.dynamics, System):
+        if isinstance(self.dynamics, contract.System):
             return StateStarts(self.file, self.dynamics)
         return SeedStarts(self.file)
 
@@ -90,28 +79,28 @@ class Task:
         return tuple(self.file.signals)
 
     @cached_property
-    def actions(self) -> Actions:
+    def actions(self) -> contract.Actions:
         """The grid of actions, or their box; those of the environment if the file has none."""
         # An environment may have an axis of one value beside others, which a file may not declare: not checked.
         declared = self.file.actions or {axis.name: Axis.model_construct(**axis.ends) for axis in self.source.axes}
         names, axes = tuple(declared), declared.values()
         if any(axis.count is None for axis in axes):
-            return ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))
+            return contract.ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))
         robots = tuple(len(owned) for owned in self.file.robots.values())
-        return ActionGrid(names, tuple(axis.values for axis in axes), robots)
+        return contract.ActionGrid(names, tuple(axis.values for axis in axes), robots)
 
     @cached_property
     def source(self) -> GymSource:
         """The environment that the task is made on. Raises `UsageError` if the file does not fit it."""
         from stlbench.task.gym_source import source_of  # imports Gymnasium, which most tasks do without
 
-        assert isinstance(self.dynamics, GymTask)
+        assert isinstance(self.dynamics, contract.GymTask)
         return source_of(self.name, self.file, self.dynamics)
 
     @cached_property
-    def specification(self) -> Specification:
+    def specification(self) -> contract.Specification:
         ranges = self.file.signals.values()
-        return Specification(
+        return contract.Specification(
             formula=self.file.followed if self.file.rewarded is None else self.file.rewarded,
             signals=self.signals,
             low=tuple(signal.low for signal in ranges),
@@ -119,7 +108,7 @@ class Task:
             steps=self.file.steps,
             dt=self.file.sampling_time,
             nested=self.file.nested,
-            can_end=not isinstance(self.dynamics, System),
+            can_end=not isinstance(self.dynamics, contract.System),
         )
 
     @cached_property
@@ -127,10 +116,10 @@ class Task:
         """The policies' view of the formula, with `features: formula`."""
         if self.file.features != "formula":
             return None
-        bent = self._bent(self.dynamics) if isinstance(self.dynamics, System) else None
+        bent = self._bent(self.dynamics) if isinstance(self.dynamics, contract.System) else None
         return FormulaView(self.file.followed, self.file.box, self.file.steps, bent)
 
-    def _bent(self, system: System, copies: int = 16, decisions: int = 40) -> Truth:
+    def _bent(self, system: contract.System, copies: int = 16, decisions: int = 40) -> contract.Truth:
         """Which numbers of the state are more than the signals, on a random walk; all if it becomes NaN or infinite."""
         generator = np.random.default_rng(0)
         state = self.starts.of_training(generator, copies)
@@ -165,12 +154,12 @@ class Task:
         return self.file.agents.get(agent, {})
 
 
-def agent_for(actions: Actions) -> str:
+def agent_for(actions: contract.Actions) -> str:
     """The agent that a task without recipes is trained with, by the kind of its actions and the number of robots."""
     return next(agents_for(actions))
 
 
-def agents_for(actions: Actions) -> Iterator[str]:
+def agents_for(actions: contract.Actions) -> Iterator[str]:
     """The agents to train with on actions of this kind, by their preference. The first is one of stlbench.
 
     Agents from outside are loaded after it: what is installed changes no study that names no agent.
@@ -228,7 +217,7 @@ def load_task(choice: Choice | str) -> Task:
     varied = _varied(reading.file, choice)  # it knows all parts that are left out
     lacking = tuple(part for part in _left_out(choice) if _is_without(reading.file, part, dynamics))
     task = Task(choice, varied, dynamics, lacking)
-    if isinstance(dynamics, GymTask):
+    if isinstance(dynamics, contract.GymTask):
         _ = task.source  # checks the file against the environment
     return task
 
@@ -239,7 +228,7 @@ def _left_out(choice: Choice) -> list[str]:
 
 def _is_without(file: TaskFile, part: str, dynamics: Dynamics) -> bool:
     """Whether a file is without a part. Only a system has features beyond its state."""
-    return not file.has(part) or (part == "features" and not isinstance(dynamics, System))
+    return not file.has(part) or (part == "features" and not isinstance(dynamics, contract.System))
 
 
 def _varied(file: TaskFile, choice: Choice) -> TaskFile:
@@ -295,10 +284,11 @@ def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
     kind = plugin.load()
     try:
         keywords = plugins.check("tasks", Choice(plugin.name), parts["parameters"], origin="")
-        if issubclass(kind, System) and "sampling_time" not in parts:
+        if issubclass(kind, contract.System) and "sampling_time" not in parts:
             return None
         made = cast(
-            Dynamics, kind(parts["sampling_time"], **keywords) if issubclass(kind, System) else kind(**keywords)
+            Dynamics,
+            kind(parts["sampling_time"], **keywords) if issubclass(kind, contract.System) else kind(**keywords),
         )
     except (TypeError, ValueError) as error:
         raise ValueError(f"parameters: {str(error).removeprefix(f'{plugin.name}: ')}") from error
@@ -310,9 +300,9 @@ def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
 def _misfits(dynamics: Dynamics | type[Dynamics], parts: Parts) -> Iterator[str]:
     """The file's entries for another kind of task; boxes of initial states use the names of the system's states."""
     kind = dynamics if isinstance(dynamics, type) else type(dynamics)
-    if issubclass(kind, System):
-        system = cast(System | type[System], dynamics)
+    if issubclass(kind, contract.System):
+        system = cast(contract.System | type[contract.System], dynamics)
         yield from check_system(parts)
         yield from check_regions(parts, system.state if system.coordinates is None else system.coordinates)
     else:
-        yield from check_world(parts, on_gymnasium=issubclass(kind, GymTask))
+        yield from check_world(parts, on_gymnasium=issubclass(kind, contract.GymTask))

@@ -1,7 +1,5 @@
 """The formula's view: the part of an observation that comes from the formula and the ranges of the signals alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The rules of an agent, on small tasks that it trains on for a moment: a point on a line, or two robots."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The rules of a reward method, on random traces."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from typing import get_args

@@ -1,7 +1,5 @@
 """Rules of the contract: each is checked, and the first that is broken ends the check."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Collection, Mapping
 from typing import Any

@@ -2,8 +2,6 @@
 and a log.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import socket

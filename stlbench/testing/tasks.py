@@ -2,8 +2,6 @@
 recipes, and names that stay.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -4,8 +4,6 @@ A task is then dynamics with signals and their ranges, a sampling time, a time f
 formula. No rule knows the method.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ A robot whose actions are held at random moves in no direction that anybody chos
 goes in so few steps may still be possible. So this warns and refuses nothing.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import inf
 

@@ -1,7 +1,5 @@
 """The scores to compare a task's policies with: its controller, the baselines, the best known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar

@@ -4,8 +4,6 @@ The four legs are alike, so the ant walks in each direction as well as in any ot
 diagonal move together. While the feet of one pair are down, their hips sweep against the way to go.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from math import atan2, cos, hypot, pi, sin

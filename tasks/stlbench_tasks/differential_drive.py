@@ -2,8 +2,6 @@
 its hand controllers.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

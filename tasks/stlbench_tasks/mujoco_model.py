@@ -4,8 +4,6 @@ The rows hold all that a step depends on, so the memory that MuJoCo computes in 
 the environments around it, whose steps are the same bit for bit.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec

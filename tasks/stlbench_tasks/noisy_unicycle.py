@@ -6,8 +6,6 @@ generator SplitMix64 (Steele, Lea, Flood, OOPSLA 2014), entered at any place of 
 of normal numbers of pairs of uniform ones.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """A quadrotor in space, moved by its thrust and three torques, and a flight to a place by hand."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 
 import numpy as np

@@ -2,8 +2,6 @@
 JMLR 7), and on how many seeds each method learned each task.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby

@@ -1,7 +1,5 @@
 """The common layout of all figures: titles and legends that fit, and axes whose values span orders of magnitude."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence

@@ -2,8 +2,6 @@
 best, the median and the worst start of a group.
 """
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

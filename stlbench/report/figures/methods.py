@@ -2,8 +2,6 @@
 methods on drawn tasks: what they learned of each group, and how much their runs satisfy.
 """
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The plane of two signals: the regions of the parts of a task's formula, and traces coloured by time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A task's formula and signals in pictures: where and when its parts hold, and the units of axes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple

@@ -2,8 +2,6 @@
 
 # matplotlib is imported late: a report whose figures are up to date does not need it
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Figures of a run, from its traces: learning curves, robustness in its funnel, trajectories."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby

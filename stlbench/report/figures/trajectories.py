@@ -1,7 +1,5 @@
 """Trajectories, of one method or of several plans: in the plane that the task names, else signals against time."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Sequence

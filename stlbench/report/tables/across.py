@@ -1,7 +1,5 @@
 """Methods over all tasks of a comparison: scores on one scale, aggregates, ranks, probability of improvement."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A few numbers of each cell, and groups of cells that differ in nothing but the seed."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress

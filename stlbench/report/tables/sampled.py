@@ -1,7 +1,5 @@
 """Methods on tasks that a suite drew: over all of them, and over each group, such as a template or a tier."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple, TypeVar

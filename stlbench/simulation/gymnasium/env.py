@@ -1,7 +1,5 @@
 """A task with a reward method as an environment of Gymnasium; `stlbench.gym` registers and documents it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ what was recorded of the signals, and the verdict.
 It does for an environment that somebody else steps what `Simulator` and the referee do for a world.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Mapping
 from numbers import Real

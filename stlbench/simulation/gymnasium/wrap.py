@@ -18,8 +18,6 @@ The reward is the method's, as `stlbench.gym` pays it for stlbench's own tasks; 
 robustness of its trace, and whether it satisfies the formula.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from numbers import Real
 from typing import Any, TypedDict, Unpack, get_args, overload

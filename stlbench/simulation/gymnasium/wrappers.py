@@ -1,7 +1,5 @@
 """The Gymnasium wrappers that `stlbench.wrap` makes: of one environment, and of a vector environment."""
 
-from __future__ import annotations
-
 from typing import Any, NoReturn
 
 import gymnasium

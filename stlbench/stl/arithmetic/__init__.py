@@ -1,7 +1,5 @@
 """Functions of numbers, of intervals, and of many values: what formulas are computed with. It knows no formula."""
 
-from __future__ import annotations
-
 import sys
 
 #: the smallest normal float; training switches smaller ones off

@@ -4,8 +4,6 @@ Kinks (abs, min, max) give the hull of the derivatives on both sides, which is C
 function jumps or its derivative is not bounded, the bounds are infinite or NaN.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import TypeAlias

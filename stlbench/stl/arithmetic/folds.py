@@ -9,8 +9,6 @@ count. Rows are worked on laid end to end, several times faster than row by row;
 last. Windows work on float (robustness) and bool (Boolean semantics: minimum is and, maximum is or) arrays alike.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ A function without a value at an argument raises ArithmeticError or ValueError o
 use the C library and arrays NumPy, so that exp, log, tan and the like may differ in the last bit; the others are equal.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable

@@ -5,8 +5,6 @@ sqrt are correctly rounded by IEEE 754, so one float outwards is enough; the oth
 within 4 units in the last place.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import reduce

@@ -4,8 +4,6 @@ A formula that does not parse is looked through for them. The first row of the t
 error gives the remedy.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from decimal import Decimal

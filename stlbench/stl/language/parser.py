@@ -6,8 +6,6 @@ operands. From tight to loose: `**`, unary `-`, `* /`, `+ -`, comparisons, `! G 
 `->`, `<->`. `U R W S`, `->` and `<->` group to the right, the others to the left.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

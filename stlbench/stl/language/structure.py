@@ -2,8 +2,6 @@
 paper): a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Reversible, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, cast

@@ -1,7 +1,5 @@
 """Formula text to tokens: a stream of them that reads numbers and intervals or fails at the place."""
 
-from __future__ import annotations
-
 import math
 import re
 from decimal import Decimal, DecimalException

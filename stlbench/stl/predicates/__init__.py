@@ -5,8 +5,6 @@ They run at every environment step, so the formula is turned into Python source 
 for many samples, plain floats for one: one writer writes both, with a `dialect` for each.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from decimal import Decimal

@@ -14,8 +14,6 @@ and an operator or a function is looked up in a table of ours, whose text is tak
 stack, so that few arrays are alive at a time however long the formula.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ Satisfaction follows from signed margins (see `dialect`), never from the sign of
 say different things (`x >= 0` holds at x = 0, `x > 0` does not).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,15 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import ShortTraceError, UndefinedError
-from stlbench.stl.language.structure import (
-    as_names,
-    check_names,
-    is_endless,
-    lookahead,
-    lookbehind,
-    require_formula,
-    signals,
-)
+from stlbench.stl.language import structure
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates import as_array
 from stlbench.stl.predicates.writer import Reading
@@ -144,8 +134,8 @@ def holds_trace(formula: Formula, names: Sequence[str]) -> Callable[[Floats], Bo
 
 
 def _compiled(formula: Formula, names: Sequence[str], reading: Reading) -> Callable[[Floats], Floats]:
-    require_formula(formula)
-    program = _program(formula, as_names(names, formula), reading)
+    structure.require_formula(formula)
+    program = _program(formula, structure.as_names(names, formula), reading)
 
     def run(samples: Floats) -> Floats:
         last = samples.shape[1] - 1
@@ -202,9 +192,13 @@ class _Program:
 
 @lru_cache(maxsize=128)
 def _program(formula: Formula, names: tuple[str, ...], reading: Reading) -> _Program:
-    check_names(formula, names)
-    ahead, behind, to_the_end = lookahead(formula), lookbehind(formula), is_endless(formula)
-    read = frozenset(signals(formula))
+    structure.check_names(formula, names)
+    ahead, behind, to_the_end = (
+        structure.lookahead(formula),
+        structure.lookbehind(formula),
+        structure.is_endless(formula),
+    )
+    read = frozenset(structure.signals(formula))
     return _Program(formula, names, reading, ahead, behind, to_the_end, read, evaluator(formula, names, reading))
 
 
@@ -212,8 +206,8 @@ def _evaluate(
     reading: Reading, formula: Formula, trace: ArrayLike, names: Sequence[str], end: End, full: bool
 ) -> list[Floats]:
     """The values of `formula` at t = 0 or (`full`) at every t; under `interval` their lower and upper bounds."""
-    require_formula(formula)
-    program = _program(formula, as_names(names, formula), reading)
+    structure.require_formula(formula)
+    program = _program(formula, structure.as_names(names, formula), reading)
     samples = as_array(trace, program.names, program.read)
     _check_shape(program, samples, end)
     steps = samples.shape[-2]

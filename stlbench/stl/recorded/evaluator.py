@@ -5,8 +5,6 @@ alone reads only the windows that the formula names. Values are robustness, or s
 sign is the verdict; only predicates are compiled differently.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache, reduce

@@ -3,8 +3,6 @@
 `robustness` is the special case of minimum and maximum, and much faster.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeAlias

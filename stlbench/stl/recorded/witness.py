@@ -1,7 +1,5 @@
 """The origin of a robustness in a trace: the one predicate, at the one step, whose margin it is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

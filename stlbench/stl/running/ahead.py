@@ -1,7 +1,5 @@
 """What the steps to come, and those that are not decided, may still add to a goal: names of bounds after the lines."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeGuard

@@ -4,8 +4,6 @@ The actions at a step depend on which operators read at it. The steps are cut in
 function finds the span first.
 """
 
-from __future__ import annotations
-
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Nested and past formulas for one trace: as streams, or evaluated anew at each step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import count
 

@@ -5,8 +5,6 @@ With an interval, `F[0,9] (p & F[0,3] q)` is `F[0,12] (q & O[0,3] (p & During(0,
 Values, bounds of all prefixes and verdicts stay the same, which holds on each trace that goes on for ever.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

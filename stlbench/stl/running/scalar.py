@@ -8,8 +8,6 @@ Operator number n keeps its state in attributes of `m` that end in n; among them
 Its variables v and w are the values of its operands at the sample.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

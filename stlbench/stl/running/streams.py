@@ -5,8 +5,6 @@ monotone queues, since and the operators of the past without an interval are a n
 look back. Then F psi is the best of a stream so far, if nothing of psi is known before all of it is (`earliest`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple

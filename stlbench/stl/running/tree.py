@@ -3,8 +3,6 @@
 Values are signed margins (see `dialect`), and bounds are of the value at t = 0 over all continuations of the samples.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar

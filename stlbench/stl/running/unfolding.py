@@ -11,8 +11,6 @@ on the interval of the until.
 Operands that look ahead without an interval are never decided: all samples are state and evaluated at each step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
@@ -21,14 +19,7 @@ from numpy.typing import NDArray
 
 from stlbench.stl.arithmetic.folds import until
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import (
-    first_past,
-    is_endless,
-    lookahead,
-    lookbehind,
-    operands_of,
-    walk,
-)
+from stlbench.stl.language import structure
 from stlbench.stl.language.syntax import (
     END,
     Formula,
@@ -96,18 +87,20 @@ class Unfolding:
         operands = (left, right)
         self.always = left == TrueFormula()
         self.left, self.right = left, right
-        self.ahead = END if any(map(is_endless, operands)) else max(map(lookahead, operands))
-        self.behind = max(map(lookbehind, operands))
+        self.ahead = END if any(map(structure.is_endless, operands)) else max(map(structure.lookahead, operands))
+        self.behind = max(map(structure.lookbehind, operands))
         self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
-        self.reaches = self.always and first_past(right) is None and unknown(right, names, "signed", False) == np.inf
+        self.reaches = (
+            self.always and structure.first_past(right) is None and unknown(right, names, "signed", False) == np.inf
+        )
         self.window = min(END, self.ahead + self.behind + 1)
         endless = (
             node
             for operand in operands
-            for node in walk(operand)
+            for node in structure.walk(operand)
             if isinstance(node, Temporal) and node.past and node.b == END
         )
-        self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
+        self.carried = {node: max(map(structure.lookbehind, structure.operands_of(node))) for node in endless}
 
     def phases(self, now: Steps) -> Steps:
         """The earliest steps (n,) that are read as the steps `now` are; traces of one phase can be read together."""

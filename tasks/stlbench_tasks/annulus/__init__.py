@@ -1,7 +1,5 @@
 """The paper's convex predicate: stay in a ring. The system, and features that a person made for its policies."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers

@@ -2,8 +2,6 @@
 extra mujoco.
 """
 
-from __future__ import annotations
-
 from stlbench_tasks.ant_gait import AntWalk
 
 _ABOVE, _BEYOND, _GOAL = (0.0, 1.8), (2.8, 1.8), (3.0, 0.0)

@@ -2,8 +2,6 @@
 mujoco.
 """
 
-from __future__ import annotations
-
 from stlbench_tasks.ant_gait import AntWalk
 
 _SECOND = 200

@@ -2,8 +2,6 @@
 hand; needs the extra mujoco.
 """
 
-from __future__ import annotations
-
 from stlbench_tasks.ant_gait import AntWalk
 
 _FIRST, _LEG = 60, 95

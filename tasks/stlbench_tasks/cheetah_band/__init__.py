@@ -2,8 +2,6 @@
 needs the extra mujoco.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import pi, sin
 from typing import Any

@@ -2,8 +2,6 @@
 made for its policies.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers

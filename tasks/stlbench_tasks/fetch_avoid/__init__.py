@@ -2,8 +2,6 @@
 a way by hand; needs the extra mujoco.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers

@@ -1,7 +1,5 @@
 """The paper's comparative study: stay in a disc. The system, and features that a person made for its policies."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

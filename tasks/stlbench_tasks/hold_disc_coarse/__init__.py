@@ -2,8 +2,6 @@
 for its policies.
 """
 
-from __future__ import annotations
-
 from stlbench_tasks.hold_disc import HoldDisc, HoldDiscByHand
 
 

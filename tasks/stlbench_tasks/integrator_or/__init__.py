@@ -2,8 +2,6 @@
 features that a person made for its policies.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers, System

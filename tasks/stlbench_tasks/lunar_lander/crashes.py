@@ -1,7 +1,5 @@
 """Whether the lander has crashed, which Gymnasium's environment does not say."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

@@ -2,8 +2,6 @@
 F F G & G, with a way by hand.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers, System

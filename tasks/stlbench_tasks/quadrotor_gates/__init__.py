@@ -1,7 +1,5 @@
 """A quadrotor in space that flies through three gates in time, F & F & F & G, with a flight by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers

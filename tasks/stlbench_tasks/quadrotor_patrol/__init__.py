@@ -1,7 +1,5 @@
 """A quadrotor in space that visits two places again and again, G with F of each, with a flight by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers

@@ -1,7 +1,5 @@
 """Tasks by their names: `unicycle/sequence/7` is the seventh accepted candidate of its system and template."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property

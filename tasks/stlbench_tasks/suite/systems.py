@@ -1,7 +1,5 @@
 """The systems of the suite: their motion, and the entries that a `task.yaml` would have for each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import pi

@@ -4,8 +4,6 @@ takes regions from it and gives a formula, with intervals in steps.
 The docstring of a template ends the `source` of its tasks, so users read it.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A point robot that reaches two places in time among zones that move, F & F & G, with a way by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stlbench.contract import Array, Integers, System
