@@ -16,20 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from stlbench.contract import (
-    ActionBox,
-    ActionGrid,
-    Actions,
-    Agent,
-    Array,
-    Arrays,
-    Environment,
-    Event,
-    Integers,
-    Policy,
-    Training,
-    Unsuitable,
-)
+from stlbench import contract
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.training import Positive, refuse_other
 
@@ -50,7 +37,7 @@ _GAIN = 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class CMAES(Agent):
+class CMAES(contract.Agent):
     """CMA-ES over policies that are linear in the observation, plus a course over time."""
 
     candidates: Annotated[int, Field(ge=4)] = 32
@@ -68,7 +55,7 @@ class CMAES(Agent):
     discounts = False
     preference = MappingProxyType({"grid": 3, "box": 3})
 
-    def train(self, training: Training) -> Policy:
+    def train(self, training: contract.Training) -> contract.Policy:
         starts, steps = _LEAST_STARTS, 0
         environment = training.make(starts * self.candidates)
         family, earlier = Family.of(environment, self.knots), None
@@ -98,15 +85,15 @@ class CMAES(Agent):
             if wanted != starts and wanted * self.candidates * environment.hold <= left:
                 starts, environment = wanted, training.make(wanted * self.candidates)
 
-    def playing(self, course: Array, environment: Environment) -> Policy:
+    def playing(self, course: contract.Array, environment: contract.Environment) -> contract.Policy:
         family = Family.of(environment, len(course) + 1)
         begun = np.zeros(family.shape)
         begun[:, family.inputs :] = ((course[[*range(len(course)), -1]] - family.middle) / family.half).T
         return family.policy(begun)
 
     @classmethod
-    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        if isinstance(actions, ActionBox):
+    def restore(cls, arrays: contract.Arrays, actions: contract.Actions) -> contract.Policy:
+        if isinstance(actions, contract.ActionBox):
             return ActorPolicy.of(arrays, actions)
         from stlbench_agents.q_policy import GreedyPolicy  # imports Numba, which parameters do not need
 
@@ -120,7 +107,7 @@ class Family:
     They do not look at a method's inputs, of which there may be hundreds: the course stands for the memory.
     """
 
-    actions: Actions
+    actions: contract.Actions
     observed: int
     """D, the size of an observation."""
     inputs: int
@@ -128,7 +115,7 @@ class Family:
     knots: int
 
     @classmethod
-    def of(cls, environment: Environment, knots: int) -> Family:
+    def of(cls, environment: contract.Environment, knots: int) -> Family:
         return cls(environment.actions, environment.observation_size, environment.time_column, knots)
 
     @property
@@ -136,30 +123,30 @@ class Family:
         return len(self.actions.names), self.inputs + self.knots
 
     @cached_property
-    def middle(self) -> Array:
+    def middle(self) -> contract.Array:
         """The middle of each axis: (axes,)."""
-        middle: Array = (np.array(self.actions.low) + np.array(self.actions.high)) / 2
+        middle: contract.Array = (np.array(self.actions.low) + np.array(self.actions.high)) / 2
         return middle
 
     @cached_property
-    def half(self) -> Array:
+    def half(self) -> contract.Array:
         """Half of the range of each axis: (axes,)."""
-        half: Array = (np.array(self.actions.high) - np.array(self.actions.low)) / 2
+        half: contract.Array = (np.array(self.actions.high) - np.array(self.actions.low)) / 2
         return half
 
     @cached_property
-    def times(self) -> Array:
+    def times(self) -> contract.Array:
         """The times of the knots, in [-1, 1]."""
         return np.linspace(-1, 1, self.knots)
 
     @property
-    def spreads(self) -> Array:
+    def spreads(self) -> contract.Array:
         """The spreads of the numbers of a policy, over that of its course."""
         spreads = np.ones(self.shape)
         spreads[:, : self.inputs] = _GAIN / np.sqrt(self.inputs)
         return spreads
 
-    def act(self, numbers: Array, observation: Array) -> Integers | Array:
+    def act(self, numbers: contract.Array, observation: contract.Array) -> contract.Integers | contract.Array:
         """Actions (N,) of a grid, or (N, axes), of P policies (P, axes, d + knots), by turns, from (N, D)."""
         place = np.clip((observation[:, self.inputs] + 1) / 2, 0, 1) * (self.knots - 1)
         before = np.minimum(place.astype(np.int64), self.knots - 2)
@@ -169,16 +156,16 @@ class Family:
         seen = observation[:, : self.inputs].reshape(-1, len(numbers), self.inputs)
         output = np.einsum("spd,pad->spa", seen, numbers[:, :, : self.inputs]).reshape(first.shape)
         output += first + (place - before)[:, None] * (second - first)
-        vectors: Array = np.clip(self.middle + output * self.half, self.actions.low, self.actions.high)
-        return self.actions.nearest(vectors) if isinstance(self.actions, ActionGrid) else vectors
+        vectors: contract.Array = np.clip(self.middle + output * self.half, self.actions.low, self.actions.high)
+        return self.actions.nearest(vectors) if isinstance(self.actions, contract.ActionGrid) else vectors
 
-    def policy(self, numbers: Array) -> Policy:
+    def policy(self, numbers: contract.Array) -> contract.Policy:
         """One of them (axes, d + knots), as a network with a layer of ReLU: x = relu(x) - relu(-x)."""
         gains, course = numbers[:, : self.inputs], numbers[:, self.inputs :]
         slopes = np.diff(course, axis=1) / np.diff(self.times)
         bends = np.diff(slopes, axis=1, prepend=0.0)
         hidden, out, rest = self._hidden, np.hstack([gains, -gains, bends]), course[:, 0]
-        if isinstance(self.actions, ActionBox):
+        if isinstance(self.actions, contract.ActionBox):
             last = (self.half[:, None] * out).T.astype(np.float32), (self.middle + self.half * rest).astype(np.float32)
             return ActorPolicy([hidden, last], self.actions, "relu", squashed=False)
         return self._greedy(self.actions, hidden, out, rest)
@@ -192,7 +179,9 @@ class Family:
         bias = np.concatenate([np.zeros(2 * self.inputs), -at])
         return np.hstack([seen, -seen, clock]).astype(np.float32), bias.astype(np.float32)
 
-    def _greedy(self, grid: ActionGrid, hidden: tuple[Any, Any], out: Array, rest: Array) -> Policy:
+    def _greedy(
+        self, grid: contract.ActionGrid, hidden: tuple[Any, Any], out: contract.Array, rest: contract.Array
+    ) -> contract.Policy:
         """The nearest action of an axis has the greatest 2 a u - a^2, for the output u and an action a in [-1, 1]."""
         from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 
@@ -206,16 +195,16 @@ class Family:
         network = QNetwork(self.observed, [len(hidden[1])], grid.shape, "additive")
         return GreedyPolicy(network, [*hidden, *last])
 
-    def knots_of(self, policy: Policy) -> int:
+    def knots_of(self, policy: contract.Policy) -> int:
         """The knots of a policy's course, if `policy` made it."""
         hidden = len(_layers(policy)[0][1])
         return max(2, hidden - 2 * self.inputs + 1)
 
-    def numbers(self, policy: Policy) -> Array:
+    def numbers(self, policy: contract.Policy) -> contract.Array:
         """The numbers that `policy` made a network of: (axes, d + knots). Raises `Unsuitable` for another network."""
         layers = _layers(policy)
         matrix, bias = layers[-1]
-        if isinstance(self.actions, ActionBox):
+        if isinstance(self.actions, contract.ActionBox):
             out, rest = matrix.T / self.half[:, None], (bias - self.middle) / self.half
         else:
             greatest = np.cumsum(self.actions.shape)  # columns of the action 1 of each axis
@@ -223,14 +212,14 @@ class Family:
         first = self._hidden[0]
         refuse_other([*first.shape], [len(layers[0][0]), *(len(each) for _, each in layers[:-1])])
         if not np.array_equal(layers[0][0], first):
-            raise Unsuitable("the policy to start from is not of cma-es")
+            raise contract.Unsuitable("the policy to start from is not of cma-es")
         slopes = np.cumsum(out[:, 2 * self.inputs :], axis=1)
         steps = np.cumsum(slopes * np.diff(self.times), axis=1)
         course = rest[:, None] + np.pad(steps, ((0, 0), (1, 0)))
         return np.hstack([out[:, : self.inputs], course]).astype(np.float64)
 
 
-def _layers(policy: Policy) -> Sequence[tuple[Any, Any]]:
+def _layers(policy: contract.Policy) -> Sequence[tuple[Any, Any]]:
     """Matrices (inputs, outputs) and biases of a policy's network."""
     if isinstance(policy, ActorPolicy):
         return policy.layers
@@ -244,12 +233,12 @@ def _layers(policy: Policy) -> Sequence[tuple[Any, Any]]:
 class Trial:
     """An episode of P policies from each of some starts; the copies have the policies by turns."""
 
-    def __init__(self, environment: Environment, starts: int) -> None:
+    def __init__(self, environment: contract.Environment, starts: int) -> None:
         self._environment, count = environment, environment.count
         self._sums, self._seen = np.zeros(count), environment.reset(alike=count // starts)
         self._over, self._starts = np.zeros(count, dtype=np.bool_), starts
 
-    def play(self, family: Family, numbers: Array, budget: int) -> int:
+    def play(self, family: Family, numbers: contract.Array, budget: int) -> int:
         """Play until each copy has ended one whole episode, for about at most `budget` steps. The steps taken."""
         environment, taken = self._environment, 0
         each = environment.count * environment.hold
@@ -260,7 +249,7 @@ class Trial:
             counts = ~self._over
             played += 1
             # An early end pays for ever after. There is no discount, so "for ever" is for the decisions that are left.
-            left = np.where(step.event == Event.END, environment.decisions - played, 0)
+            left = np.where(step.event == contract.Event.END, environment.decisions - played, 0)
             self._sums[counts] += (step.reward * (1 + left))[counts]
             self._over |= step.ended
             self._seen = step.observation
@@ -271,7 +260,7 @@ class Trial:
         return bool(self._over.all())
 
     @property
-    def returns(self) -> Array:
+    def returns(self) -> contract.Array:
         """(starts, P)."""
         return self._sums.reshape(self._starts, -1)
 
@@ -288,7 +277,9 @@ class Trial:
 class _Run:
     """A search from some numbers (axes, d + knots), with its own random numbers."""
 
-    def __init__(self, agent: CMAES, family: Family, begun: Array, spread: float, seed: tuple[int, int]) -> None:
+    def __init__(
+        self, agent: CMAES, family: Family, begun: contract.Array, spread: float, seed: tuple[int, int]
+    ) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it warns of optional packages that are not installed
             import cma
@@ -306,12 +297,12 @@ class _Run:
         self._evolution = cma.CMAEvolutionStrategy(begun.ravel(), spread, options)
         self._worths = list[float]()
 
-    def ask(self) -> Array:
+    def ask(self) -> contract.Array:
         """Policies (P, axes, d + knots)."""
         self._asked = self._evolution.ask()
         return np.stack(self._asked).reshape(-1, *self._shape)
 
-    def tell(self, values: Array) -> None:
+    def tell(self, values: contract.Array) -> None:
         """Their worth (P,)."""
         self._evolution.tell(self._asked, (-values).tolist())
         self._worths.append(float(values.mean()))
@@ -322,7 +313,7 @@ class _Run:
         return float(np.mean(self._worths[-_LAST:])) if self._worths else -np.inf
 
     @property
-    def mean(self) -> Array:
+    def mean(self) -> contract.Array:
         """The mean of the distribution: (axes, d + knots)."""
         return np.array(self._evolution.mean).reshape(self._shape)
 
@@ -330,7 +321,7 @@ class _Run:
 class _Search:
     """Runs by successive halving: each may get stuck, so the better one of several goes on."""
 
-    def __init__(self, agent: CMAES, family: Family, begun: Array, training: Training) -> None:
+    def __init__(self, agent: CMAES, family: Family, begun: contract.Array, training: contract.Training) -> None:
         spread = agent.spread * (1.0 if training.initial is None else _RESUMED)
         self._runs = [_Run(agent, family, begun, spread, (training.seed, number)) for number in range(_RACING[0][0])]
         self._racing = self._runs
@@ -344,5 +335,5 @@ class _Search:
         return self._racing[min(runs - 1, int(runs * (share - begin) / (end - begin)))]
 
     @property
-    def best(self) -> Array:
+    def best(self) -> contract.Array:
         return max(self._runs, key=lambda run: run.worth).mean

@@ -16,19 +16,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from stlbench.contract import (
-    Agent,
-    Array,
-    Arrays,
-    Integers,
-    Intractable,
-    Policy,
-    RewardMethod,
-    StatePolicy,
-    Training,
-    Transition,
-    Unsuitable,
-)
+from stlbench import contract
 from stlbench.errors import one_line
 from stlbench.records import array_files
 from stlbench.records.array_files import Assessment
@@ -63,13 +51,13 @@ class Clock:
 
 
 class Checkpoint(NamedTuple):
-    policy: Policy | StatePolicy
+    policy: contract.Policy | contract.StatePolicy
     steps: int
     cpu_seconds: float  # of training so far
 
 
 class Trained(NamedTuple):
-    final: Policy | StatePolicy
+    final: contract.Policy | contract.StatePolicy
     checkpoints: list[Checkpoint]  # at least one: the final policy of an agent that reported none
     env_steps: int
     clock: Clock
@@ -78,11 +66,11 @@ class Trained(NamedTuple):
 
 def train(
     task: Task,
-    method: RewardMethod,
-    agent: Agent,
+    method: contract.RewardMethod,
+    agent: contract.Agent,
     cell: Cell,
-    score: Callable[[Policy | StatePolicy], tuple[float, float]],
-    initial: Arrays | None = None,
+    score: Callable[[contract.Policy | contract.StatePolicy], tuple[float, float]],
+    initial: contract.Arrays | None = None,
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
@@ -95,7 +83,7 @@ def train(
     meter = StepCounter(str(cell.id.agent))
     patience = None if budget.patience is None else Patience(budget.patience)
 
-    def report(policy: Policy | StatePolicy, steps: int) -> bool:
+    def report(policy: contract.Policy | contract.StatePolicy, steps: int) -> bool:
         clock.pause()
         meter.check(policy, steps)
         reported.append(Checkpoint(policy, steps, clock.cpu))
@@ -111,7 +99,7 @@ def train(
 
     plugin, seed = task.choice.name, cell.id.seed
     random = derive_seed(plugin, cell.id.agent.name, "training", seed)
-    training = Training(make, budget.steps, random, report, budget.checkpoints, initial=initial)
+    training = contract.Training(make, budget.steps, random, report, budget.checkpoints, initial=initial)
     if agent.plans is not None:
         training = replace(training, model=model_of(task, method))
     else:
@@ -166,9 +154,9 @@ class StepCounter:
         if self.taken > self._budget:
             raise RuntimeError(f"agent {self._agent} took {self.taken} environment steps, its budget is {self._budget}")
 
-    def check(self, policy: Policy | StatePolicy, reported: int) -> None:
+    def check(self, policy: contract.Policy | contract.StatePolicy, reported: int) -> None:
         """Raises `RuntimeError` if it is no policy, or claims more steps than were taken."""
-        if not isinstance(policy, Policy | StatePolicy):
+        if not isinstance(policy, contract.Policy | contract.StatePolicy):
             raise RuntimeError(f"agent {self._agent} gives {type(policy).__name__}, the contract says a policy")
         if problem := breach(policy):
             raise RuntimeError(f"agent {self._agent}: of its policy, {problem}")
@@ -201,11 +189,11 @@ class StepCounter:
 
 
 class CountedEnvironment(BatchEnvironment):
-    def __init__(self, task: Task, method: RewardMethod, count: int, seed: int, meter: StepCounter) -> None:
+    def __init__(self, task: Task, method: contract.RewardMethod, count: int, seed: int, meter: StepCounter) -> None:
         super().__init__(task, method, count, seed)
         self._meter = meter
 
-    def step(self, action: Integers | Array) -> Transition:
+    def step(self, action: contract.Integers | contract.Array) -> contract.Transition:
         self._meter.add(self.count * self.hold)
         return super().step(action)
 
@@ -224,9 +212,9 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         agent = build_agent(task, cell.id.agent)
         refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
         measured = measure(task, method, agent, cell, arrays_of(cell))
-    except Intractable as reason:
+    except contract.Intractable as reason:
         return cell.ended("intractable", one_line(reason))
-    except Unsuitable as reason:
+    except contract.Unsuitable as reason:
         return cell.ended("unsuitable", one_line(reason))
     numbers = measured.numbers if folder is None else _stored(measured, task, method, cell, folder)
     return cell.ended("done", measurement=numbers)
@@ -235,12 +223,12 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
 class Measured(NamedTuple):
     numbers: Measurement
     assessment: Assessment  # the selected policy's report
-    selected: Policy | StatePolicy
-    final: Policy | StatePolicy
+    selected: contract.Policy | contract.StatePolicy
+    final: contract.Policy | contract.StatePolicy
     observation_size: int  # D; 0 where no environment was made
 
 
-def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, folder: Path) -> Measurement:
+def _stored(measured: Measured, task: Task, method: contract.RewardMethod, cell: Cell, folder: Path) -> Measurement:
     """Save traces and policies in a folder of results; the numbers, which say by what hashes policies are known."""
     traces = cell_files(folder, cell.id, cell.key).traces
     array_files.save_traces(inside(traces, folder), measured.assessment, task.signals)
@@ -254,7 +242,9 @@ def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, fo
     return replace(measured.numbers, policies=stored)
 
 
-def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial: Arrays | None = None) -> Measured:
+def measure(
+    task: Task, method: contract.RewardMethod, agent: contract.Agent, cell: Cell, initial: contract.Arrays | None = None
+) -> Measured:
     """Train, perhaps from the arrays of an earlier policy, and score the selected and the final policy."""
     whole = Clock()
     budget = task.budget(cell.id.budget)
@@ -283,12 +273,14 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, initial:
     return Measured(measurement, assessment, selected.policy, trained.final, trained.observation_size)
 
 
-def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment) -> Planned | None:
+def _planned(
+    agent: contract.Agent, policy: contract.Policy | contract.StatePolicy, assessment: Assessment
+) -> Planned | None:
     """The value that the policy of an agent that plans expects from the report's starts; None for one that learns."""
     if agent.plans is None:
         return None
     assert assessment.states is not None
-    values = policy.value(assessment.states[:, 0]) if isinstance(policy, StatePolicy) else np.nan
+    values = policy.value(assessment.states[:, 0]) if isinstance(policy, contract.StatePolicy) else np.nan
     return Planned(agent.plans, float(np.mean(values)))
 
 
@@ -299,7 +291,9 @@ def _choose(referee: Referee, reported: Sequence[Checkpoint]) -> tuple[Checkpoin
     return reported[choice.best], tuple(curve)
 
 
-def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 5, rounds: int = 10) -> float:
+def reward_time(
+    task: Task, method: contract.RewardMethod, rows: int = 1024, repeats: int = 5, rounds: int = 10
+) -> float:
     """CPU nanoseconds that the method's reward takes per step and copy, in a batch of `rows` under random actions.
 
     The least of `rounds`, each of `repeats` calls and far shorter than a time slice: whatever else the machine does can
@@ -318,7 +312,9 @@ def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int
     return least / (rows * repeats * task.file.hold)
 
 
-def _repeated(along: Callable[[Array], tuple[Array, Array]], memory: Array, repeats: int) -> int:
+def _repeated(
+    along: Callable[[contract.Array], tuple[contract.Array, contract.Array]], memory: contract.Array, repeats: int
+) -> int:
     """CPU nanoseconds of so many calls, each with the memory that the one before it left."""
     begin = time.process_time_ns()
     for _ in range(repeats):

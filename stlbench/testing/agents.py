@@ -7,21 +7,7 @@ from typing import get_args
 
 import numpy as np
 
-from stlbench.contract import (
-    ActionBox,
-    ActionGrid,
-    Actions,
-    Agent,
-    Array,
-    Integers,
-    Policy,
-    RewardMethod,
-    Specification,
-    StatePolicy,
-    System,
-    Training,
-    Unsuitable,
-)
+from stlbench import contract
 from stlbench.contract.agent import ActionKind
 from stlbench.errors import UsageError, cause
 from stlbench.registry import choices
@@ -67,32 +53,32 @@ FORMS = (
 """An agent has to train on one of these; it may refuse the others."""
 
 
-class _Line(System):
+class _Line(contract.System):
     """x' = x + dt v, for each point."""
 
     def __init__(self, dt: float, points: tuple[str, ...]) -> None:
         super().__init__(dt)
         self.state = points  # type: ignore[misc]  # a class of its own for each number of points would say no more
 
-    def step(self, state: Array, action: Array) -> Array:
+    def step(self, state: contract.Array, action: contract.Array) -> contract.Array:
         return state + self.dt * action
 
-    def signals(self, state: Array) -> Array:
+    def signals(self, state: contract.Array) -> contract.Array:
         return state
 
-    def features(self, state: Array, t: Integers) -> Array:
+    def features(self, state: contract.Array, t: contract.Integers) -> contract.Array:
         return state / 2
 
 
-class Nearness(RewardMethod):
+class Nearness(contract.RewardMethod):
     """How near the middle the points are, in [-1, 0]."""
 
-    def __init__(self, specification: Specification) -> None:
+    def __init__(self, specification: contract.Specification) -> None:
         super().__init__(specification)
 
-    def arrival(self, signals: Array, t: Integers) -> Array:
+    def arrival(self, signals: contract.Array, t: contract.Integers) -> contract.Array:
         """Minus the mean distance, over 2."""
-        nearness: Array = -np.abs(signals).mean(axis=-1) / 2
+        nearness: contract.Array = -np.abs(signals).mean(axis=-1) / 2
         return np.clip(nearness, -1, 0)
 
 
@@ -118,7 +104,7 @@ def _flow(entries: dict[str, str]) -> str:
 _HOLD = "hold"  # a parameter of the task that a search space may have
 
 
-def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
+def check_agent(agent: type[contract.Agent] | str, rules: Rules | None = None) -> None:
     """Check an agent by short trainings on a point on a line: with a grid of actions, continuous ones, two robots.
 
     The rules: parameters are keyword-only, with annotations; `search_space` and `recipe` have parameters and values
@@ -151,11 +137,11 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
         raise refusals[0]
 
 
-def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
+def _refusal(agent: contract.Agent, form: Form, rules: Rules) -> contract.Unsuitable | None:
     rule = f"with {form.text}, it trains or raises Unsuitable"
     try:
         _check_training(agent, line_task(form), rules)
-    except Unsuitable as refusal:
+    except contract.Unsuitable as refusal:
         return refusal
     except RuleBroken:
         raise
@@ -165,7 +151,7 @@ def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
     return None
 
 
-def _check_search_space(agent: Agent, rules: Rules) -> None:
+def _check_search_space(agent: contract.Agent, rules: Rules) -> None:
     known = choices.declared(type(agent))
     for name, values in agent.search_space.items():
         rules.keep(name == _HOLD or name in known, "search_space names parameters of the agent, and hold", name)
@@ -174,7 +160,7 @@ def _check_search_space(agent: Agent, rules: Rules) -> None:
             rules.keep(_fits(known, name, value), "values of search_space are of their type", f"{name} = {value!r}")
 
 
-def _check_recipe(agent: Agent, rules: Rules) -> None:
+def _check_recipe(agent: contract.Agent, rules: Rules) -> None:
     known = choices.declared(type(agent))
     for name, value in agent.recipe.items():
         fits = name in known and _fits(known, name, value)
@@ -194,33 +180,35 @@ def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool
 
 @dataclass
 class _Trained:
-    final: Policy | StatePolicy
+    final: contract.Policy | contract.StatePolicy
     taken: int
-    reported: list[tuple[Policy | StatePolicy, int, bytes]] = field(default_factory=list)
+    reported: list[tuple[contract.Policy | contract.StatePolicy, int, bytes]] = field(default_factory=list)
     """Policy, steps so far, and the policy's traces at that moment."""
 
 
-def _train(agent: Agent, task: Task, behave: Callable[[Policy | StatePolicy], bytes]) -> _Trained:
+def _train(
+    agent: contract.Agent, task: Task, behave: Callable[[contract.Policy | contract.StatePolicy], bytes]
+) -> _Trained:
     method, budget = Nearness(task.specification), task.budget("check")
-    made, reported = list[BatchEnvironment](), list[tuple[Policy | StatePolicy, int, bytes]]()
+    made, reported = list[BatchEnvironment](), list[tuple[contract.Policy | contract.StatePolicy, int, bytes]]()
 
     def make(count: int) -> BatchEnvironment:
         made.append(BatchEnvironment(task, method, count, 1))
         return made[-1]
 
     model = None if agent.plans is None else model_of(task, method)
-    training = Training(
+    training = contract.Training(
         make, budget.steps, 2, lambda policy, steps: reported.append((policy, steps, behave(policy))), 3, model
     )
     final = agent.train(training)
     return _Trained(final, sum(environment.taken for environment in made), reported)
 
 
-def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
+def _check_training(agent: contract.Agent, task: Task, rules: Rules) -> None:
     method, states = Nearness(task.specification), task.starts.report_and_selection()[0]
 
-    def behave(policy: Policy | StatePolicy) -> bytes:
-        if isinstance(policy, Policy):
+    def behave(policy: contract.Policy | contract.StatePolicy) -> bytes:
+        if isinstance(policy, contract.Policy):
             _check_actions(policy, task, rules)
         return record(task, method, policy, states).traces.tobytes()
 
@@ -243,13 +231,13 @@ def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
 
 
 def _check_restored(
-    agent: Agent,
-    policy: Policy | StatePolicy,
-    actions: Actions,
-    behave: Callable[[Policy | StatePolicy], bytes],
+    agent: contract.Agent,
+    policy: contract.Policy | contract.StatePolicy,
+    actions: contract.Actions,
+    behave: Callable[[contract.Policy | contract.StatePolicy], bytes],
     rules: Rules,
 ) -> None:
-    arrays = policy.arrays() if isinstance(policy, Policy) else None
+    arrays = policy.arrays() if isinstance(policy, contract.Policy) else None
     if arrays is None:
         return
     copies = {name: np.array(array) for name, array in arrays.items()}
@@ -259,7 +247,7 @@ def _check_restored(
     rules.keep(same, "a policy that is restored from its arrays acts the same, bit for bit", "otherwise")
 
 
-def _check_cost(agent: Agent, actions: Actions, rules: Rules) -> None:
+def _check_cost(agent: contract.Agent, actions: contract.Actions, rules: Rules) -> None:
     costs = [agent.cost(size, actions, decisions) for size, decisions in ((10, 1000), (20, 1000), (20, 2000))]
     rules.keep(len({cost is None for cost in costs}) == 1, "cost is None for all sizes or for none", costs)
     known = [cost for cost in costs if cost is not None]
@@ -269,23 +257,23 @@ def _check_cost(agent: Agent, actions: Actions, rules: Rules) -> None:
     rules.keep(grows, "cost does not fall where observations or decisions are more", known)
 
 
-def _check_actions(policy: Policy, task: Task, rules: Rules) -> None:
+def _check_actions(policy: contract.Policy, task: Task, rules: Rules) -> None:
     environment = BatchEnvironment(task, Nearness(task.specification), 6, 3)
     observation = environment.reset()
     for _ in range(3):
         observation = environment.step(_some(task.actions)).observation
 
-    def act(observation: Array) -> Array:
+    def act(observation: contract.Array) -> contract.Array:
         return np.asarray(policy.act(observation))
 
-    shape = (6,) if isinstance(task.actions, ActionGrid) else (6, len(task.actions.names))
+    shape = (6,) if isinstance(task.actions, contract.ActionGrid) else (6, len(task.actions.names))
     action = rules.function("act", act, (observation,), shape)
-    if isinstance(task.actions, ActionGrid):
+    if isinstance(task.actions, contract.ActionGrid):
         valid = action.dtype.kind in "iu" and bool(np.all((action >= 0) & (action < task.actions.size)))
         rules.keep(valid, f"actions are whole numbers in 0..{task.actions.size - 1}", action)
 
 
-def _some(actions: Actions) -> Integers | Array:
-    if isinstance(actions, ActionBox):
+def _some(actions: contract.Actions) -> contract.Integers | contract.Array:
+    if isinstance(actions, contract.ActionBox):
         return np.tile(np.array(actions.high), (6, 1))
     return np.arange(6) % actions.size

@@ -19,13 +19,7 @@ from numpy.typing import NDArray
 
 from stlbench.stl.arithmetic.folds import until
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language import structure
-from stlbench.stl.language.syntax import (
-    END,
-    Formula,
-    Temporal,
-    TrueFormula,
-)
+from stlbench.stl.language import structure, syntax
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator, unknown
 from stlbench.stl.running.pulling import as_until
 
@@ -38,7 +32,7 @@ class Decided(NamedTuple):
 
     best: Floats  # (n,): the value of the until
     guard: Floats  # (n,): the least value of its left operand
-    before: Mapping[Formula, Floats]  # of past operators without an interval, see `Traces`
+    before: Mapping[syntax.Formula, Floats]  # of past operators without an interval, see `Traces`
 
 
 class Known(NamedTuple):
@@ -81,30 +75,30 @@ class Unfolding:
         last: the last step that counts, or `END`.
     """
 
-    def __init__(self, formula: Formula, names: tuple[str, ...]) -> None:
+    def __init__(self, formula: syntax.Formula, names: tuple[str, ...]) -> None:
         self.names = names
         self.flipped, self.a, self.b, left, right = as_until(formula)
         operands = (left, right)
-        self.always = left == TrueFormula()
+        self.always = left == syntax.TrueFormula()
         self.left, self.right = left, right
-        self.ahead = END if any(map(structure.is_endless, operands)) else max(map(structure.lookahead, operands))
+        self.ahead = syntax.END if any(map(structure.is_endless, operands)) else max(map(structure.lookahead, operands))
         self.behind = max(map(structure.lookbehind, operands))
-        self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
+        self.last = syntax.END if syntax.END in (self.ahead, self.b) else self.b + self.ahead
         self.reaches = (
             self.always and structure.first_past(right) is None and unknown(right, names, "signed", False) == np.inf
         )
-        self.window = min(END, self.ahead + self.behind + 1)
+        self.window = min(syntax.END, self.ahead + self.behind + 1)
         endless = (
             node
             for operand in operands
             for node in structure.walk(operand)
-            if isinstance(node, Temporal) and node.past and node.b == END
+            if isinstance(node, syntax.Temporal) and node.past and node.b == syntax.END
         )
         self.carried = {node: max(map(structure.lookbehind, structure.operands_of(node))) for node in endless}
 
     def phases(self, now: Steps) -> Steps:
         """The earliest steps (n,) that are read as the steps `now` are; traces of one phase can be read together."""
-        if self.ahead == END:
+        if self.ahead == syntax.END:
             return now
         settled = max(self.window, self.a + self.ahead)
         return np.where((settled <= now) & (now < self.b - self.behind), settled, now)
@@ -165,7 +159,7 @@ class Unfolding:
             state = state._replace(best=best, guard=least)
         return Known(ends[0], ends[1], state)
 
-    def _evaluator(self, formula: Formula, checked: bool = False) -> Evaluator:
+    def _evaluator(self, formula: syntax.Formula, checked: bool = False) -> Evaluator:
         return evaluator(formula, self.names, "signed", checked)
 
 
