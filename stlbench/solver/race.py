@@ -19,7 +19,17 @@ from stlbench.records.result import Result
 from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import LOCAL, Choice
 from stlbench.solver import tries
-from stlbench.solver.contestants import Contestant, along, best_first, contestants, playing, rank, resumes, searcher
+from stlbench.solver.contestants import (
+    Contestant,
+    along,
+    best_first,
+    better_half,
+    contestants,
+    playing,
+    rank,
+    resumes,
+    searcher,
+)
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook, outlook
 from stlbench.solver.solution import FINAL, MORE, RACE, cells_of
@@ -155,9 +165,8 @@ class Trainer:
     def race(self) -> Result:
         """The best result; its method is the winner. Raises `UsageError` as `_plan`."""
         self.say("measuring the speed of a training")
-        racing = list(
-            contestants(self.workspace.task, self.clock.minutes, None if self.start is None else self.start.trained_by)
-        )
+        known = None if self.start is None else self.start.trained_by
+        racing = [*contestants(self.workspace.task, self.clock.minutes, known)]
         # seconds end the probe: its steps could take all time, as nothing is known of the speed yet
         steps, seconds = self.workspace.task.budget("probe").steps, _PROBE_SHARE * 60 * self.clock.minutes
         self._write("probe", steps, seconds, checkpoints=_PROBE_CHECKPOINTS, patience=_PATIENCE)
@@ -183,14 +192,11 @@ class Trainer:
         racing = racing[: self._plan(racing, probe) if methods is None else len(methods)]
         rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
-            names = ", ".join(
-                f"{each}" if each.agent == racing[0].agent else f"{each} with {each.agent}" for each in racing
-            )
-            self.say(f"race, rung {rung}: {names}; {_score(best)}")
+            self.say(f"race, rung {rung}: {', '.join(each.beside(racing[0]) for each in racing)}; {_score(best)}")
             # another seed in each rung, so that a lucky one does not carry a method to the end
             ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], self._is_promising)
             best = max(ranked[0], best, key=rank)
-            racing, rung = [Contestant.of(each) for each in ranked[: -(-len(ranked) // 2)]], rung + 1
+            racing, rung = better_half(ranked, racing), rung + 1
         return best
 
     def _searched(

@@ -16,8 +16,8 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
-from stlbench.registry.choices import parse_choice
-from stlbench.solver.contestants import Contestant, again, along, best_first, contestants, searcher
+from stlbench.registry.choices import Choice, parse_choice
+from stlbench.solver.contestants import Contestant, again, along, best_first, better_half, contestants, rank, searcher
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
@@ -357,3 +357,26 @@ def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(plugins, "available", lambda kind: own if kind == "methods" else available(kind))
     with pytest.raises(UsageError, match=r"^no method fits the formula F\[0,20\] .*; causation: it takes G"):
         contestants(workspace.task, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("scores", "kept"),
+    [
+        ({"funnel": (0.5, -1.0), "raw": (0.0, 9.0), "dense": (0.7, -2.0), "tltl": (0.1, 0.0)}, ["dense", "funnel"]),
+        ({"funnel": (0.0, -9.0), "raw": (0.0, -20.0), "dense": (0.0, -1.0), "tltl": (0.0, 0.0)}, ["funnel", "raw"]),
+        ({"funnel": (0.0, -9.0), "raw": None, "dense": (0.0, -1.0)}, ["funnel", "dense"]),
+        ({"funnel": None, "raw": None}, ["funnel"]),
+    ],
+)
+def test_if_nobody_satisfies_the_first_in_the_race_go_on(
+    scores: dict[str, tuple[float, float] | None], kept: list[str]
+) -> None:
+    results = list[Result]()
+    for method, score in scores.items():
+        at = None if score is None else SimpleNamespace(satisfaction=score[0], robustness_mean=score[1])
+        cell = CellId(Choice("task"), Choice(method), Choice("td3"), 101, "rung-1", "auto")
+        measured = None if at is None else SimpleNamespace(selection=at)
+        results.append(cast(Result, SimpleNamespace(id=cell, measurement=measured)))
+    ranked = sorted(results, key=rank, reverse=True)
+    racing = [Contestant(method, "td3", Choice("task")) for method in scores]
+    assert [each.method for each in better_half(ranked, racing)] == kept
