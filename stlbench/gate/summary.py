@@ -109,7 +109,7 @@ def _notes(base: Snapshot, new: Snapshot) -> list[str]:
     further = len(new.samples.keys() - base.samples.keys())
     machines = {snapshot.provenance.get("machine") for snapshot in (base, new) if snapshot.samples}
     notes = [f"Cells of the new snapshot alone, which were not compared: {further}."] if further else []
-    if len(machines) > 1:
+    if len(machines - {None}) > 1:  # turns on one machine have no provenance
         notes.append("The two were measured on different machines, which may round differently.")
     return notes
 

@@ -7,7 +7,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, distributions
@@ -273,8 +273,12 @@ def _about(kind: str, word: str) -> list[str]:
 
 def name_of(kind: str, loaded: type) -> str | None:
     """The name of the plugin that is this class; None where none is."""
-    imported = (plugin for plugin in available(kind).values() if plugin.entry_point.module in sys.modules)
-    return next((plugin.name for plugin in imported if plugin.load() is loaded), None)
+    for plugin in available(kind).values():
+        if plugin.entry_point.module in sys.modules:
+            with suppress(PluginError):  # another plugin of its package may not load
+                if plugin.load() is loaded:
+                    return plugin.name
+    return None
 
 
 def blamed(error: BaseException) -> str | None:

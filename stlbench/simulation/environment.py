@@ -144,7 +144,7 @@ class Simulator:
         self.world.restart(np.arange(len(begun)), begun)
         faults.check_signals(self.task, self.signals, len(begun))
         self.t: Integers = np.zeros(len(begun), dtype=np.int64)
-        self.memory = faults.check_memory(self.method, self.method.initial_memory(self.signals, self.t), self.t)
+        self.memory = faults.begin(self.method, self.signals, self.t)
         return self.observe()
 
     def reset_rows(self, rows: Integers, begun: Array, t: Integers) -> None:
@@ -153,7 +153,7 @@ class Simulator:
         self.t[rows] = t
         if self.method.memory_size:
             self.memory = self.memory.copy()  # a method may have returned what `_Taken` keeps
-            self.memory[rows] = faults.check_memory(self.method, self.method.initial_memory(self.signals[rows], t), t)
+            self.memory[rows] = faults.begin(self.method, self.signals[rows], t)
 
     def observe(self) -> Array:
         """The view of a policy: the task's features, the time, the inputs: (N, D)."""
@@ -315,7 +315,9 @@ class BatchEnvironment:
         """The last step with other memories (see `contract.Environment`)."""
         simulator, method, taken = self.simulator, self.simulator.method, self._taken
         samples, fixed = simulator.last_samples, taken.end.fixed
-        other = method.counterfactual(samples[0], taken.t, taken.memory, generator.random(taken.memory.shape))
+        numbers = generator.random(taken.memory.shape)
+        given = faults.own(samples[0]), faults.own(taken.t), faults.own(taken.memory)
+        other = method.counterfactual(*given, numbers)
         faults.check_memory(method, other, taken.t)
         memory = np.where(fixed[:, None], taken.memory, other)
         reward, after = simulator.paid(samples, simulator.last_action, taken.t, memory)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NoReturn, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod, Truth
 from stlbench.contract.arrays import are_numbers, kind_of
@@ -26,9 +27,23 @@ class PluginFault(UsageError):
     """A plugin, or an environment, broke its contract: "method hprs: reward is nan at step 17 in 3 of 16 copies"."""
 
 
+_Numbers = TypeVar("_Numbers", bound=NDArray[Any])
+
+
+def own(array: _Numbers) -> _Numbers:
+    """A copy for a method, in the same layout: what it changes in place is in no trace, which the referee scores."""
+    copied: _Numbers = array.copy(order="K")
+    return copied
+
+
+def begin(method: RewardMethod, signals: Array, t: Integers) -> Array:
+    """The memory (N, m) at signals (N, k) and steps t (N,). Raises `PluginFault`."""
+    return check_memory(method, method.initial_memory(own(signals), own(t)), t)
+
+
 def pay(method: RewardMethod, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
     """The result of `RewardMethod.along`: rewards (hold, N), and the memory after them. Raises `PluginFault`."""
-    paid = method.along(samples, action, t, memory)
+    paid = method.along(own(samples), own(action), own(t), own(memory))
     if not (isinstance(paid, tuple) and len(paid) == 2):
         _fault(method, f"along gives {_shown(paid)}, the contract says rewards and memory")
     rewards, memory = paid

@@ -73,7 +73,7 @@ class SystemWorld(World):
         return tuple(map(self.system.frame, self._state)) if isinstance(self.system, Drawn) else None
 
     def by_hand(self, t: Integers) -> Array | None:
-        return self.system.controller(self._state, t)
+        return self.system.controller(self._state.copy(), t.copy())  # it may change what it is given
 
 
 def scaled_times(steps: int) -> Array:

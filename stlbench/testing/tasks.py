@@ -57,7 +57,7 @@ def check_controller(task: Task, rules: Rules) -> None:
     control, hold = task.system.controller, task.file.hold
     assert isinstance(task.starts, StateStarts)
     state = task.system.initial_states(starts.grid(task.starts.initial, 8))
-    if control(state, np.zeros(len(state), dtype=np.int64)) is None:
+    if control(state.copy(), np.zeros(len(state), dtype=np.int64)) is None:
         return
 
     def actions(state: Array, t: Array) -> Array:

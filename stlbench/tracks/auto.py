@@ -21,6 +21,7 @@ from stlbench.registry import plugins
 from stlbench.schedules.plan import UnscheduledError, conjunction
 from stlbench.schedules.regions import Regions
 from stlbench.schedules.schedule import Schedule, held, is_schedule, pursued, schedules
+from stlbench.simulation import faults
 from stlbench.simulation.environment import fulfilling
 from stlbench.simulation.worlds import make_world
 from stlbench.stl import Formula, fragment
@@ -109,6 +110,7 @@ def initial_samples(task: Task) -> Array:
     count = 8 * _FEW if isinstance(task.dynamics, System) else _FEW
     world = make_world(task, count)
     world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
+    faults.check_signals(task, world.signals, count)
     return world.signals
 
 
