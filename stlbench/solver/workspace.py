@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field
 
+from stlbench import stl
 from stlbench.contract import Array, GymTask
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Score
@@ -273,10 +274,11 @@ def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str],
         content["starts"] = int(np.clip(_FIRST_LOOK_SHARE * seconds / episode, tries.FEWEST, task.file.starts))
         _write(home / _FILE, content)
         task = load_task(TASK)
-    found = baselines.constants(
-        task, int(np.clip(_FIRST_LOOK_SHARE * seconds / (_CONSTANT_ACTIONS * episode), 1, _CONSTANT_STARTS))
-    )
-    random = baselines.at_random(task)
+    starts = int(np.clip(_FIRST_LOOK_SHARE * seconds / (_CONSTANT_ACTIONS * episode), 1, _CONSTANT_STARTS))
+    try:
+        found, random = baselines.constants(task, starts), baselines.at_random(task)
+    except stl.UndefinedError as error:
+        raise UsageError(f"the formula has no value in an episode: {one_line(error)}") from error
     content["baselines"] = {
         "zero": _numbers(found.zero),
         "constant": _numbers(found.best) | {"action": list(found.action)},

@@ -87,7 +87,9 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
     formulas = {place: formula for place, formula in places.items() if formula is not None}
     steps, main = parts.get("steps"), formulas.get("formula")
     for place, formula in formulas.items():
-        yield from _unknown(place, "signal", formula, parts.get("signals"))
+        yield from (unknown := [*_unknown(place, "signal", formula, parts.get("signals"))])
+        if not unknown and not stl.signals(formula):
+            yield f"{place}: it reads no signal, so every trace has the same verdict; name a signal in it"
         if not timing.known:
             continue
         horizon = stl.horizon(formula)

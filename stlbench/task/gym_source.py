@@ -50,7 +50,9 @@ class GymSource:
         without_display()
         first = make(None)
         self._modes: Sequence[str] = first.metadata.get("render_modes") or ()
-        self.action_space = first.action_space
+        if (space := getattr(first, "action_space", None)) is None:
+            raise UsageError("environment: it has no action_space; set one in its __init__")
+        self.action_space = space
         self.entries = entries_of(first.observation_space, entry.names)
         self._is_box = isinstance(first.observation_space, Box)  # its flat numbers are the named entries
         self.observed = Observed(first.observation_space, self.entries, entry.scale)

@@ -108,8 +108,9 @@ def units(file: TaskFile) -> dict[str, str]:
 def initial_samples(task: Task) -> Array:
     """Signals (n, k) at the start of some episodes, always the same ones."""
     count = 8 * _FEW if isinstance(task.dynamics, System) else _FEW
-    world = make_world(task, count)
-    world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
+    with plugins.guarded(f"task {task.name}"):
+        world = make_world(task, count)
+        world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
     faults.check_signals(task, world.signals, count)
     return world.signals
 

@@ -149,3 +149,5 @@ def test_a_side_without_a_result_has_no_machine() -> None:
     said = "measured on different machines"
     assert said in markdown("t", MIXED, ("base", here), ("new", there))
     assert said not in markdown("t", MIXED, ("base", here), ("new", Snapshot({}, {})))
+    turns = Snapshot({CELL: cast("Any", None)}, {})  # of this machine, without provenance
+    assert said not in markdown("t", MIXED, ("base", here), ("new", turns))

@@ -96,6 +96,13 @@ def test_a_broken_plugin_is_one_line_that_names_its_distribution_and_the_others_
         plugins.build("methods", Choice("zz-bad"))
 
 
+def test_a_class_has_its_name_beside_a_plugin_that_does_not_load(site):
+    source = GOOD.format(name="Good") + "\n\ndef function(): pass\n"
+    site("acme", methods(zz_a="zz_acme:function", zz_b="zz_acme:Good"), {"zz_acme.py": source})
+    assert plugins.name_of("methods", plugins.find("methods", "zz-b").load()) == "zz-b"
+    assert plugins.name_of("methods", int) is None
+
+
 def test_annotations_that_name_nothing_are_the_plugins_fault(site):
     source = GOOD.format(name="One").replace("ginf: float", "ginf: 'Flaot'")
     site("acme", methods(zz_one="zz_acme:One"), {"zz_acme.py": source})

@@ -32,6 +32,15 @@ def test_every_step_is_recorded_and_actions_are_held() -> None:
     assert trace(task, 0, 1) == [[0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0], [1, 0.5, 0, -0.5, -1, -0.5, 0, 0.5, 1]]
 
 
+def test_a_controller_that_changes_the_state_that_it_is_given_changes_no_trace() -> None:
+    def control(state: Array, t: Integers) -> Array:
+        state[:] = 5.0
+        t[:] = 0
+        return np.ones((len(state), 1))
+
+    assert trace(steered(control), 0) == [[0, 0.5, 1, 1.5, 2, 2.5, 3, 3.5, 4]]
+
+
 def test_on_a_grid_the_nearest_action_is_taken() -> None:
     """The grid is -1, 0, 1; whole numbers are speeds, not indices."""
     for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1)):

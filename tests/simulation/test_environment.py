@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, line
 
+from stlbench.contract import Array, Integers
 from stlbench.simulation.environment import BatchEnvironment, Simulator, ends_of
 
 DOWN, STAY, UP = 0, 1, 2
@@ -81,6 +82,34 @@ class TestSimulator:
         simulator.reset(states)
         simulator.reset_rows(np.array([0]), np.array([[7.0]]), np.array([0]))
         assert states.tolist() == [[1], [2]]
+
+
+class _InPlace(Probe):
+    """Changes all arrays that it is given, as if they were its own."""
+
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
+        signals[:], t[:] = 9.0, 7
+        return np.zeros((len(t), self.memory_size))
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        paid = super().along(samples, action, t, memory)
+        samples[:], action[:], t[:], memory[:] = 9.0, 9.0, 7, 9.0
+        return paid
+
+
+@pytest.mark.parametrize("hold", [1, 2])
+def test_what_a_method_changes_in_place_is_in_no_trace(hold: int) -> None:
+    """Else it could make the trace that the referee scores."""
+    task = line(hold=hold)
+    honest, other = (Simulator(task, kind(task.specification, memory_size=2)) for kind in (Probe, _InPlace))
+    for simulator in (honest, other):
+        simulator.reset(np.array([[0.25], [3.0]]))
+    for action in (UP, DOWN, UP):
+        expected, found = (simulator.advance(always(action, 2)) for simulator in (honest, other))
+        assert found.samples.tolist() == expected.samples.tolist()
+        assert other.signals.tolist() == honest.signals.tolist()
+        assert other.t.tolist() == honest.t.tolist()
+        assert other.last_action.tolist() == honest.last_action.tolist()
 
 
 class TestBatchEnvironment:

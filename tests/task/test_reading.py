@@ -90,6 +90,10 @@ class TestMessages:
             ({"initial": {"box": {"x": [0, "a"]}}}, "initial.box.x.1: should be a number"),
             ({"initial": {"box": {"x": 1}, "where": "F[0,1] x >= 0"}}, f"initial.where: {PLAIN}, got F[0,1] x >= 0"),
             ({"formula": "G[0,9] x <= 1"}, "formula: its horizon of 9 steps exceeds steps = 8"),
+            (
+                {"formula": "True"},
+                "formula: it reads no signal, so every trace has the same verdict; name a signal in it",
+            ),
             ({"formula": "G F x <= 1"}, "formula: F without an interval at column 3 stands inside another temporal"),
             ({"formula": "G F[0,9] x <= 1"}, "formula: G without an interval needs 10 samples, the trace has 9"),
             ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),

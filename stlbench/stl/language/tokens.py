@@ -166,6 +166,6 @@ class TokenStream:
         may_round = self.dt is not None and whole > 0  # the difference is no more exact
         if steps != whole and not (may_round and abs(steps - whole) <= _ROUNDING):
             rule = "a whole number of steps" + (f" of dt={self.dt:g} seconds" if self.dt else "")
-            hint = f"{token.text} seconds = {steps:.12g} steps" if self.dt else f"{token.text!r} (give dt for seconds)"
+            hint = f"{token.text} seconds = {steps:.12g} steps" if self.dt else f"{token.text!r} (give dt or --time)"
             self.fail(rule, hint, token.position)
         return token.text, whole
