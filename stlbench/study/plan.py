@@ -35,6 +35,7 @@ from stlbench.study.code_changes import changed
 from stlbench.study.initial import Initial
 from stlbench.study.provenance import here
 from stlbench.task import build_agent, build_method, fitting_methods
+from stlbench.task.build import as_given
 from stlbench.task.task import Task, load_task
 
 
@@ -88,16 +89,20 @@ class _Planned:
     track: Track
     harness: KeyPart
     init: Path | None
+    tasks: dict[Any, Task] = field(default_factory=dict)
     known: dict[Any, tuple[KeyPart, KeyPart]] = field(default_factory=dict)
-    """The parts of task and agent so far. No seed changes them, and a method only by its recipe."""
+    """The parts of task and agent so far. A method changes them by its recipe and the form that it takes."""
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: KeyPart, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
-        if setting not in self.known:
-            task = on_track(self.task, agent, self.track, recipe)
-            self.known[setting] = task_part(task, self.budget), agent_part(task, agent)
-        own, trained = self.known[setting]
+        if setting not in self.tasks:
+            self.tasks[setting] = on_track(self.task, agent, self.track, recipe)
+        task = as_given(self.tasks[setting], method)
+        form = setting, task.otherwise
+        if form not in self.known:
+            self.known[form] = task_part(task, self.budget), agent_part(task, agent)
+        own, trained = self.known[form]
         used = self.harness, own, part, trained
         cell, parts = CellId(self.task.choice, method, agent, seed, self.budget, self.track), parts_of(used)
         place, deadline = named_tasks.place_of(self.task.choice.name), self.task.budget(self.budget).deadline

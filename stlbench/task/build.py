@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import cast
@@ -45,6 +46,15 @@ def _built(given: Specification, otherwise: Formula | None, choice: Choice) -> R
         if otherwise is None:
             raise
     return cast(RewardMethod, plugins.build("methods", choice, replace(given, formula=otherwise, nested=None)))
+
+
+def as_given(task: Task, choice: Choice) -> Task:
+    """The task without the other form of its formula, if the method takes the formula itself."""
+    if task.otherwise is not None:
+        with suppress(Exception):  # what is wrong is told when the method is built
+            plugins.build("methods", choice, task.specification)
+            return replace(task, otherwise=None)
+    return task
 
 
 def fitting_methods(
