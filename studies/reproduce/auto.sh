@@ -10,7 +10,7 @@ rules --methods tau-mdp studies/reference.yaml
 stlbench run studies/auto-ablation.yaml
 stlbench run studies/auto-field.yaml
 stlbench run --tasks lunar-lander --methods raw studies/auto-field.yaml
-stlbench run --tasks hopper --methods flag studies/auto-field.yaml
+stlbench run --tasks hopper --methods flag,raw studies/auto-field.yaml
 for folder in results/auto results/auto-field results/auto-ablation; do
     stlbench report $folder
     stlbench export $folder --format jsonl

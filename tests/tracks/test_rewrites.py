@@ -17,6 +17,7 @@ from stlbench.schedules.schedule import pursued
 from stlbench.simulation.referee import Referee
 from stlbench.study.cell import on_track
 from stlbench.task import Task, build_method, load_task
+from stlbench.task.build import as_given
 from stlbench.task.forms import normal_form
 from stlbench.tracks.auto import alternatives, initial_samples, regions, rewarded, scheduled
 
@@ -71,6 +72,13 @@ def test_methods_that_do_not_take_many_visits_are_given_a_form_that_is_held(para
             assert (kept == stl.satisfied(asked, walks, ["x"])).all()
             assert kept.any()
             assert not kept.all()
+
+
+def test_a_key_has_the_other_form_only_if_the_method_takes_it() -> None:
+    task = helped(line(formula="G[0,28] (F[0,1] x >= -5 & G[0,0] x >= -6)", steps=29))
+    assert task.otherwise is not None
+    for method, kept in (("flag", None), ("bhnr", None), ("raw", task.otherwise), ("funnel", task.otherwise)):
+        assert as_given(task, Choice(method)).otherwise == kept
 
 
 def test_without_its_schedule_a_formula_has_no_form_that_is_held() -> None:
