@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from helpers.line_task import line
+from helpers.line_task import Line, line
 
-from stlbench.contract import ActionBox, ActionGrid
+from stlbench.contract import ActionBox, ActionGrid, Array
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
 from stlbench.registry.choices import Choice
@@ -17,7 +19,7 @@ from stlbench.study.cell import on_track, own_agent_on
 from stlbench.task import build_method, load_task
 from stlbench.task.starts import sample
 from stlbench.task.task import agent_for
-from stlbench.tracks.auto import cuts, recipe
+from stlbench.tracks.auto import cuts, initial_samples, recipe
 
 
 @pytest.mark.parametrize(
@@ -199,3 +201,26 @@ def test_the_budget_quick_has_900_episodes_at_least(name: str, budget: str, step
     task = load_task(name)
     found = on_track(task, Choice(own_agent_on(task, "auto")), "auto").budget(budget)
     assert (found.steps, found.checkpoints) == (steps, checkpoints)
+
+
+class _Flat(Line):
+    def signals(self, state: Array) -> Array:
+        return state[:, 0]
+
+
+class _Raising(Line):
+    def signals(self, state: Array) -> Array:
+        raise RuntimeError("no licence")
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (_Flat, r"task line: the shape of its signals is \(64,\), the contract says \(64, 1\)"),
+        (_Raising, "task line: RuntimeError: no licence"),
+    ],
+)
+def test_a_system_that_fails_at_the_start_is_told_in_one_line(kind: type[Line], message: str) -> None:
+    task = line()
+    with pytest.raises(UsageError, match=message):
+        initial_samples(replace(task, dynamics=kind(task.system.dt)))
