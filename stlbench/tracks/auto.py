@@ -15,7 +15,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import ActionBox, Agent, Array, System
-from stlbench.errors import UsageError, one_line
+from stlbench.errors import UsageError, cause, one_line
 from stlbench.records.identity import Track
 from stlbench.registry import plugins
 from stlbench.schedules.plan import UnscheduledError, conjunction
@@ -108,10 +108,18 @@ def units(file: TaskFile) -> dict[str, str]:
 def initial_samples(task: Task) -> Array:
     """Signals (n, k) at the start of some episodes, always the same ones."""
     count = 8 * _FEW if isinstance(task.dynamics, System) else _FEW
-    with plugins.guarded(f"task {task.name}"):
+    try:
         world = make_world(task, count)
         world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
-    faults.check_signals(task, world.signals, count)
+        faults.check_signals(task, world.signals, count)
+    except faults.PluginFault as error:
+        raise UsageError(f"{error}; `stlbench check {task.name}` says which rule it breaks") from error
+    except UsageError:
+        raise
+    except Exception as error:
+        if plugins.blamed(error) is not None:  # it is told with the plugin's name
+            raise
+        raise UsageError(f"task {task.name}: {cause(error)}") from error
     return world.signals
 
 
