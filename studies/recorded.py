@@ -104,6 +104,14 @@ def number(text: str, digits: int = 3) -> str:
     return shown.lstrip("-") if float(shown) == 0 else shown
 
 
+def plan_entry(row: Row | None) -> str:
+    """ "0.337 (93 %)": the robustness of the best policy by a reward, and the share of starts if some violate."""
+    if row is None or not row["reward_optimal"]:
+        return "-"
+    share = float(row["satisfied"])
+    return number(row["reward_optimal"]) + (f" ({100 * share:.0f} %)" if share < 1 else "")
+
+
 def first_field(rows: Sequence[Row]) -> list[Row]:
     """The first block of each budget and track in a table of aggregates: that without trivial tasks."""
     first: dict[tuple[str, str], str] = {}

@@ -14,7 +14,7 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Row, Seeds, by_hand, cells, first_field, recorded, table
+from recorded import Row, Seeds, by_hand, cells, first_field, plan_entry, recorded, table
 from scipy.stats import spearmanr
 
 from stlbench.report.figures.style import COLOURS
@@ -66,7 +66,7 @@ def planned() -> tuple[list[str], list[list[str]]]:
     best = ["*the best known*", *(f"{max(_known(task), *_reached(found, task)):.3f}" for task in tasks)]
     plans = Counter(method for _, method in found)
     methods = [method for method in order()[1] if plans[method] >= _FEWEST_PLANS]
-    lines = [[f"`{method}`", *(_asked(found.get((task, method))) for task in tasks)] for method in methods]
+    lines = [[f"`{method}`", *(plan_entry(found.get((task, method))) for task in tasks)] for method in methods]
     return ["best by", *(f"`{task}`" for task in tasks)], [best, *lines]
 
 
@@ -79,13 +79,6 @@ def _known(task: str) -> float:
 def _reached(found: Mapping[tuple[str, str], Row], task: str) -> list[float]:
     """The robustness of plans. Their starts are random, so it can be more than is known from the grid."""
     return [float(row["reward_optimal"]) for (name, _), row in found.items() if name == task]
-
-
-def _asked(row: Row | None) -> str:
-    if row is None:
-        return "-"
-    share = float(row["satisfied"])
-    return f"{float(row['reward_optimal']):.3f}" + (f" ({100 * share:.0f} %)" if share < 1 else "")
 
 
 def survived() -> str:

@@ -98,9 +98,10 @@ class _Planned:
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if setting not in self.tasks:
             self.tasks[setting] = on_track(self.task, agent, self.track, recipe)
-        task = as_given(self.tasks[setting], method)
-        form = setting, task.otherwise
+        helped = self.tasks[setting]
+        form = setting, None if helped.otherwise is None else method  # only then the method decides
         if form not in self.known:
+            task = as_given(helped, method)
             self.known[form] = task_part(task, self.budget), agent_part(task, agent)
         own, trained = self.known[form]
         used = self.harness, own, part, trained
