@@ -5,6 +5,8 @@ Each check looks at entries that are right by themselves (`Parts`) and yields a 
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from stlbench import stl
 from stlbench.errors import did_you_mean
 from stlbench.records.result import MAIN, RANDOM
@@ -19,6 +21,7 @@ def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
     yield from _ends(parts, timing)
     yield from _near(parts)
     yield from _names(parts)
+    yield from _best_known(parts)
     yield from _conditions(parts)
 
 
@@ -92,11 +95,21 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
             yield f"{place}: it reads no signal, so every trace has the same verdict; name a signal in it"
         if not timing.known:
             continue
+        if not unknown and stl.signals(formula):
+            yield from _constant(place, formula)
         horizon = stl.horizon(formula)
         if steps is not None and horizon > steps:  # its verdict would need samples after the end of an episode
             yield f"{place}: its horizon of {horizon} steps exceeds steps = {steps}"
         if place in ("rewarded", "nested") and main is not None and horizon != stl.horizon(main):
             yield f"{place}: its horizon is {horizon} steps, that of the formula {stl.horizon(main)}"
+
+
+def _constant(place: str, formula: stl.Formula) -> Iterator[str]:
+    """The robustness of such a formula is infinite, as that of `x <= 1 -> True`."""
+    names = stl.signals(formula)
+    lower, upper = stl.robustness_bounds(formula, np.empty((0, len(names))), names)
+    if lower == upper:
+        yield f"{place}: every trace {'satisfies' if lower > 0 else 'violates'} it; leave out what makes it constant"
 
 
 def _no_terms(place: str, schedule: stl.Formula | None) -> Iterator[str]:
@@ -177,6 +190,12 @@ def _names(parts: Parts) -> Iterator[str]:
     for name in (MAIN, RANDOM):
         if name in parts.get("protocols", {}):
             yield f"protocols: the name '{name}' is that of the task's own formula; take another"
+
+
+def _best_known(parts: Parts) -> Iterator[str]:
+    best = parts.get("best_known") or {}
+    if (bound := best.get("upper_bound")) is not None and best.get("robustness", bound) > bound:
+        yield f"best_known: a robustness of {best['robustness']} is more than its upper_bound, {bound}"
 
 
 def _conditions(parts: Parts) -> Iterator[str]:

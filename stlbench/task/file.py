@@ -11,7 +11,18 @@ from pydantic import Field, ValidationInfo
 
 from stlbench import stl
 from stlbench.records.identity import Line, Name
-from stlbench.task.entry import Count, Entry, Finite, Formula, PointFormula, Positive, Read, Region, read_point_formula
+from stlbench.task.entry import (
+    Count,
+    Entry,
+    Finite,
+    Formula,
+    PointFormula,
+    Positive,
+    Read,
+    Region,
+    Starts,
+    read_point_formula,
+)
 
 VIOLATION: Literal["violation"] = "violation"
 """The condition that a term G[a,b] psi of the formula is violated."""
@@ -130,7 +141,7 @@ class Protocol(Entry):
     """In the unit that `time` names; the task's own formula where left out."""
     initial: Region | None = None
     """The task's own initial states where left out."""
-    starts: Count = 64
+    starts: Starts = 64
 
 
 class Budget(Entry):
@@ -149,7 +160,7 @@ class Budget(Entry):
     seconds: Positive | None = None
     """Training ends at the first checkpoint after so many wall seconds. The result then depends on the machine, so
     leave it out where methods are compared."""
-    random_starts: Annotated[int, Field(ge=0)] = 1000
+    random_starts: Annotated[int, Field(ge=0, le=100_000)] = 1000
     """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 
 
@@ -251,7 +262,7 @@ class TaskFile(Entry):
     """The largest robustness that is known, and its proven bound, to compare policies with."""
     baselines: Baselines | None = None
     """The measured baselines. If left out, they are measured when they are needed."""
-    starts: Count = 64
+    starts: Starts = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[Name, Protocol] = Field(default_factory=dict)
     agents: dict[str, dict[str, Any]] = Field(default_factory=dict)

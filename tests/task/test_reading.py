@@ -94,6 +94,19 @@ class TestMessages:
                 {"formula": "True"},
                 "formula: it reads no signal, so every trace has the same verdict; name a signal in it",
             ),
+            (
+                {"best_known": {"robustness": 0.5, "upper_bound": 0.25}},
+                "best_known: a robustness of 0.5 is more than its upper_bound, 0.25",
+            ),
+            ({"starts": 100_001}, "starts: should be at most 100000"),
+            (
+                {"formula": "x <= 1 -> True"},
+                "formula: every trace satisfies it; leave out what makes it constant",
+            ),
+            (
+                {"formula": "G[0,4] O[5,8] x <= 1"},
+                "formula: every trace violates it; leave out what makes it constant",
+            ),
             ({"formula": "G F x <= 1"}, "formula: F without an interval at column 3 stands inside another temporal"),
             ({"formula": "G F[0,9] x <= 1"}, "formula: G without an interval needs 10 samples, the trace has 9"),
             ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),
