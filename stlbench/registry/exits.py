@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from types import FrameType
 from typing import NoReturn
 
@@ -32,8 +32,11 @@ def exits_raise() -> Iterator[None]:
 
 @contextmanager
 def importing(what: str) -> Iterator[None]:
-    """While code of others is imported, whoever waits is told that `what` hangs, ends the process or is interrupted."""
-    with exits_raise(), _watched(what):
+    """While code of others is imported, whoever waits is told that `what` hangs, ends the process or is interrupted.
+
+    The working directory is the same again at the end: paths that a user gives begin there.
+    """
+    with exits_raise(), _watched(what), chdir("."):
         try:
             with interrupts_raise():
                 yield

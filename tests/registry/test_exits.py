@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -60,6 +62,16 @@ def test_an_import_that_goes_well_says_nothing(capfd: pytest.CaptureFixture[str]
         pass
     assert capfd.readouterr() == ("", "")
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_plugin_that_goes_elsewhere_leaves_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    with importing(WHAT):
+        os.chdir("elsewhere")
+    assert Path.cwd() == tmp_path
 
 
 @pytest.mark.parametrize(
