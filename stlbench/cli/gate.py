@@ -112,6 +112,9 @@ def gate(
     if against is None:
         new = _measured(cells, results, place)
         judgement = judge(base, new)
+    elif folders := sorted({cell.id.task.name for cell in cells if cell.folder is not None}):
+        rule = "each revision finds its tasks by their entry points"
+        raise UsageError(f"--against: {rule}, and {', '.join(folders)} is a folder; leave --against out")
     else:
         base, new, judgement = _by_turns(base, against)
     _end("stlbench gate", judgement, (str(reference), base), (str(results), new), results, as_json)

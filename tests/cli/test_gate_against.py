@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 from helpers.refusals import refused
+
+from stlbench.cli import gate
 
 PROJECT = """
 [project]
@@ -132,6 +136,14 @@ def test_bad_input_is_one_line(repository, say):
         (["--against", "HEAD", "--executor", "toy-here"], "leave out --update and --executor"),
     ):
         assert message in refused(say("gate", "reference", "--budget", "quick", *words))
+
+
+def test_a_task_that_is_a_folder_is_refused(repository, say, monkeypatch):
+    """The process of a revision would not know it, and say that nothing was measured."""
+    planned = gate.cells_of
+    in_a_folder = partial(replace, folder=Path("toy-line"))
+    monkeypatch.setattr(gate, "cells_of", lambda base: tuple(map(in_a_folder, planned(base))))
+    assert "and toy-line is a folder; leave --against out" in refused(say(*GATE))
 
 
 def test_outside_a_repository(toy, say):
