@@ -22,20 +22,25 @@ def auto_field() -> str:
 
 def robots() -> str:
     """One row per robot on which people publish: what each method learns, and what TGPO has on its own formulas."""
-    studies = (("robots", "quick"), ("robots-patrol", "paper"), ("robots-ant", "paper"))
+    studies = (
+        ("robots", "quick", ""),
+        ("robots-patrol", "paper", ", `paper`"),
+        ("robots-ant", "paper", ", `paper`"),
+        ("robots-ant-penalty", "paper", ", `paper`, penalty"),
+    )
     methods = ("funnel", "raw")
     found = {
-        (key[0], budget, key[1]): seeds
-        for name, budget in studies
+        (key[0], label, key[1]): seeds
+        for name, budget, label in studies
         for key, seeds in recorded.recorded(name, "auto", budget).items()
     }
     body = [
         [
-            f"`{task}`" + (f", `{budget}`" if budget != "quick" else ""),
-            *(_shares(found.get((task, budget, method))) for method in methods),
+            f"`{task}`{label}",
+            *(_shares(found.get((task, label, method))) for method in methods),
             TGPO.get(task, ""),
         ]
-        for task, budget in dict.fromkeys(key[:2] for key in found)
+        for task, label in dict.fromkeys(key[:2] for key in found)
     ]
     return markdown(["task", *(f"`{method}`" for method in methods), "TGPO, best baseline"], body)
 

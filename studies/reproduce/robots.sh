@@ -1,5 +1,5 @@
 # Robots on which people publish, five seeds of two methods on the track auto; an ant by one method.
-# CPU time: 8 hours
+# CPU time: 11 hours
 # Makes: robots learners
 stlbench run studies/robots.yaml
 stlbench report results/robots
@@ -10,5 +10,8 @@ stlbench export results/robots-patrol --format jsonl
 stlbench run studies/robots-ant.yaml --methods raw
 stlbench report results/robots-ant
 stlbench export results/robots-ant --format jsonl
+stlbench run studies/robots-ant-penalty.yaml
+stlbench report results/robots-ant-penalty
+stlbench export results/robots-ant-penalty --format jsonl
 for task in cheetah-band fetch-avoid walker-band; do python studies/learners.py $task 100; done
 for task in cheetah-band fetch-avoid; do python studies/learners.py $task 101; done
