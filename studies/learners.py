@@ -37,6 +37,8 @@ COLUMNS = ("task", "learner", "seed", "cpu", "reached", "best", "steps", "first"
 LEARNERS = (
     "td3",
     "td3[gradient_steps=2]",
+    "td3[action_penalty=0.02]",
+    "td3[action_penalty=0.02,gradient_steps=2]",
     "td3[copies=32,gradient_steps=8]",
     "td3[net_arch=256+256]",
     "td3[batch_size=512,gradient_steps=2]",

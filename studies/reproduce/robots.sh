@@ -15,3 +15,4 @@ stlbench report results/robots-ant-penalty
 stlbench export results/robots-ant-penalty --format jsonl
 for task in cheetah-band fetch-avoid walker-band; do python studies/learners.py $task 100; done
 for task in cheetah-band fetch-avoid; do python studies/learners.py $task 101; done
+python studies/learners.py walker-band 101 td3 "td3[gradient_steps=2]" "td3[action_penalty=0.02]" "td3[action_penalty=0.02,gradient_steps=2]"
