@@ -10,6 +10,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.errors import did_you_mean
 from stlbench.records.result import MAIN, RANDOM
+from stlbench.stl.language.structure import walk
 from stlbench.task.entry import Parts, Timing
 from stlbench.task.file import LOST, VIOLATION
 
@@ -95,21 +96,30 @@ def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
             yield f"{place}: it reads no signal, so every trace has the same verdict; name a signal in it"
         if not timing.known:
             continue
-        if not unknown and stl.signals(formula):
-            yield from _constant(place, formula)
         horizon = stl.horizon(formula)
         if steps is not None and horizon > steps:  # its verdict would need samples after the end of an episode
             yield f"{place}: its horizon of {horizon} steps exceeds steps = {steps}"
+        elif steps is not None and not unknown:
+            yield from _constant(place, formula)
         if place in ("rewarded", "nested") and main is not None and horizon != stl.horizon(main):
             yield f"{place}: its horizon is {horizon} steps, that of the formula {stl.horizon(main)}"
 
 
 def _constant(place: str, formula: stl.Formula) -> Iterator[str]:
-    """The robustness of such a formula is infinite, as that of `x <= 1 -> True`."""
+    """The robustness of such a formula is infinite, as that of `x <= 1 -> True`.
+
+    Only `True` and windows before the first sample make it so, and few formulas have them.
+    """
     names = stl.signals(formula)
-    lower, upper = stl.robustness_bounds(formula, np.empty((0, len(names))), names)
-    if lower == upper:
-        yield f"{place}: every trace {'satisfies' if lower > 0 else 'violates'} it; leave out what makes it constant"
+    if names and any(isinstance(node, stl.TrueFormula) or _is_past(node) for node in walk(formula)):
+        lower, upper = stl.robustness_bounds(formula, np.empty((0, len(names))), names)
+        if lower == upper:
+            said = "satisfies" if lower > 0 else "violates"
+            yield f"{place}: every trace {said} it; leave out what makes it constant"
+
+
+def _is_past(node: object) -> bool:
+    return isinstance(node, stl.Temporal) and node.past
 
 
 def _no_terms(place: str, schedule: stl.Formula | None) -> Iterator[str]:

@@ -14,8 +14,9 @@ from stlbench import stl
 from stlbench.contract import Array, Truth
 
 Count = Annotated[int, Field(ge=1)]
-Starts = Annotated[int, Field(ge=1, le=100_000)]
-"""Starts of a set: more of them take all memory, and tell no more of a policy."""
+MOST_STARTS = 100_000
+"""Starts of a set, as the seeds of a set are a range of so many whole numbers (`starts.SeedStarts`)."""
+Starts = Annotated[int, Field(ge=1, le=MOST_STARTS)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationInfo
 from stlbench import stl
 from stlbench.records.identity import Line, Name
 from stlbench.task.entry import (
+    MOST_STARTS,
     Count,
     Entry,
     Finite,
@@ -160,7 +161,7 @@ class Budget(Entry):
     seconds: Positive | None = None
     """Training ends at the first checkpoint after so many wall seconds. The result then depends on the machine, so
     leave it out where methods are compared."""
-    random_starts: Annotated[int, Field(ge=0, le=100_000)] = 1000
+    random_starts: Annotated[int, Field(ge=0, le=MOST_STARTS)] = 1000
     """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 
 

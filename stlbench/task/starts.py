@@ -17,7 +17,7 @@ import numpy as np
 from stlbench.contract import Array, System
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.task.entry import Region
+from stlbench.task.entry import MOST_STARTS, Region
 from stlbench.task.file import Protocol, TaskFile
 
 _REPORTED = 12031981
@@ -87,8 +87,8 @@ class SeedStarts:
 
 
 def _seeds(first: int, count: int) -> Array:
-    if count > _SELECTION:
-        raise UsageError(f"starts are seeds, at most {_SELECTION} of one kind, got {count}")
+    if count > MOST_STARTS:
+        raise UsageError(f"starts are seeds, at most {MOST_STARTS} of one kind, got {count}")
     return np.arange(first, first + count, dtype=np.float64)[:, None]
 
 

@@ -107,6 +107,10 @@ class TestMessages:
                 {"formula": "G[0,4] O[5,8] x <= 1"},
                 "formula: every trace violates it; leave out what makes it constant",
             ),
+            (
+                {"formula": "F[0,1000000000] H[5,1000000000] x <= 1"},
+                "formula: its horizon of 1000000000 steps exceeds steps = 8",
+            ),
             ({"formula": "G F x <= 1"}, "formula: F without an interval at column 3 stands inside another temporal"),
             ({"formula": "G F[0,9] x <= 1"}, "formula: G without an interval needs 10 samples, the trace has 9"),
             ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),
