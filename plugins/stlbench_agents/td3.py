@@ -47,8 +47,6 @@ class TD3(training.LockStepAgent):
             "exploration_noise_final": 0.1,
         }
     )
-    # the penalty is a mean over axes: the more there are, the weaker it is beside the critic's gradient on one of them
-    many_axes = MappingProxyType({"gradient_steps": 2, "action_penalty": 0.02})
     preference = MappingProxyType({"box": 1})
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {

@@ -323,8 +323,6 @@ class Agent(ABC):
     recipe: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     """Its parameters on the track `auto`, the same for every task, of values that JSON has; others keep their defaults.
     A `gamma` here is the least: rules raise it for a task that lasts long, or asks again and again."""
-    many_axes: ClassVar[Mapping[str, Any]] = MappingProxyType({})
-    """What is different in its recipe for continuous actions of six axes or more, as of robots with legs."""
     preference: ClassVar[Mapping[ActionKind, int]] = MappingProxyType({})
     """Kind of actions -> its place among the agents to train with if none is named, 1 the first. The first agent of
     stlbench trains a task without recipes, whatever is installed. The next one also races in a long `stlbench solve`.

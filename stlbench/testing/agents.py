@@ -107,9 +107,9 @@ _HOLD = "hold"  # a parameter of the task that a search space may have
 def check_agent(agent: type[contract.Agent] | str, rules: Rules | None = None) -> None:
     """Check an agent by short trainings on a point on a line: with a grid of actions, continuous ones, two robots.
 
-    The rules: parameters are keyword-only, with annotations; `search_space`, `recipe` and `many_axes` have parameters
-    and values that fit them; `preference` has places for kinds of actions; `cost` grows with observations and
-    decisions; training takes no more than its budget, and some of it unless the agent says that it does not train (`trains`), and reports
+    The rules: parameters are keyword-only, with annotations; `search_space` and `recipe` have parameters and values
+    that fit them; `preference` has places for kinds of actions; `cost` grows with observations and decisions; training
+    takes no more than its budget, and some of it unless the agent says that it does not train (`trains`), and reports
     policies that later training does not change; the same seed gives the same policies, bit for bit; a policy's actions
     are the task's, pure, and those of a batch are its rows' one by one; a policy that can be kept acts the same when it
     is restored. An agent may refuse some of the tasks.
@@ -162,10 +162,9 @@ def _check_search_space(agent: contract.Agent, rules: Rules) -> None:
 
 def _check_recipe(agent: contract.Agent, rules: Rules) -> None:
     known = choices.declared(type(agent))
-    for of, parameters in (("recipe", agent.recipe), ("many_axes", agent.many_axes)):
-        for name, value in parameters.items():
-            fits = name in known and _fits(known, name, value)
-            rules.keep(fits, f"{of} has parameters of the agent, with values of their types", f"{name} = {value!r}")
+    for name, value in agent.recipe.items():
+        fits = name in known and _fits(known, name, value)
+        rules.keep(fits, "recipe has parameters of the agent, with values of their types", f"{name} = {value!r}")
 
 
 def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool:

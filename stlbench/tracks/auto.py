@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import ceil
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -128,8 +128,6 @@ _REACH = 20
 _MOST = 0.98
 """The greatest discount for continuous actions. It was chosen for MountainCar, whose goal comes late after a swing: no
 seed learned it with 0.95."""
-_MANY_AXES = 6
-"""Axes of the actions from which on an agent has other parameters (`Agent.many_axes`)."""
 
 PATIENCE = 3
 """A training may end after this many checkpoints without a better one, at one that satisfies; a budget may say
@@ -220,15 +218,11 @@ def _budget(name: str, budget: Budget, steps: int) -> Budget:
 def recipe(agent: str, task: Task) -> dict[str, Any]:
     """The agent's parameters: those of its class's `recipe`, of which rules change `gamma`, and the task's own grid.
 
-    Actions of six axes or more have those of `many_axes` in place of these.
-
     The discount is at least 1 - hold / 20, and so reaches over 20 steps. The formula G F p asks for a reach over the
     longest window of F: at least 1 - 1 / (2.5 W) for W decisions. Continuous actions ask for a quarter of the episode's
     D decisions: at least 1 - 4 / D, but no more than 0.98.
     """
-    parameters = _declared(agent, "recipe")
-    if isinstance(task.actions, ActionBox) and len(task.actions.names) >= _MANY_AXES:
-        parameters |= _declared(agent, "many_axes")
+    parameters = _declared(agent)
     if (grid := task.recipe(agent).get("grid")) is not None:
         parameters["grid"] = grid
     if isinstance(parameters.get("gamma"), int | float):
@@ -240,15 +234,15 @@ def recipe(agent: str, task: Task) -> dict[str, Any]:
     return parameters
 
 
-def _declared(agent: str, name: Literal["recipe", "many_axes"]) -> dict[str, Any]:
-    """Parameters that an agent's class declares; none where it is not installed, as for results of another machine."""
+def _declared(agent: str) -> dict[str, Any]:
+    """The recipe of an agent's class; none where it is not installed, as for results of another machine."""
     if (plugin := plugins.known("agents", agent)) is None:
         return {}
-    declared = getattr(cast(type[Agent], plugin.load()), name)
+    declared = cast(type[Agent], plugin.load()).recipe
     try:
         json.dumps(parameters := dict(declared))
     except (TypeError, ValueError) as error:
-        raise plugin.error(f"its {name} should have parameters and values that JSON has: {one_line(error)}") from error
+        raise plugin.error(f"its recipe should have parameters and values that JSON has: {one_line(error)}") from error
     return parameters
 
 

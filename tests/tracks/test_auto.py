@@ -62,19 +62,6 @@ def test_the_discount_reaches_over_20_steps_a_quarter_of_an_episode_or_a_window(
     assert recipe(agent, load_task(name))["gamma"] == discount
 
 
-@pytest.mark.parametrize(
-    ("name", "agent", "penalty"),
-    [
-        ("walker-band", "td3", 0.02),  # 6 axes
-        ("panda-places", "td3", 0.02),  # 7
-        ("quadrotor-gates", "td3", None),  # 4
-        ("walker-band", "sb3-sac", None),  # it declares none
-    ],
-)
-def test_actions_of_many_axes_have_parameters_of_their_own(name: str, agent: str, penalty: float | None) -> None:
-    assert recipe(agent, load_task(name)).get("action_penalty") == penalty
-
-
 @pytest.mark.parametrize("name", ["overlap", "pendulum", "formation", "patrol", "cartpole-steady"])
 def test_nothing_by_hand_is_left(name: str) -> None:
     task = load_task(name)
