@@ -37,13 +37,6 @@ def rank(result: Result) -> tuple[float, float]:
     return point.satisfaction, point.robustness_mean
 
 
-def cost(result: Result) -> tuple[float, float]:
-    """Seconds of a cell apart from its training, which hardly depend on the steps; and seconds of training per step."""
-    measured = result.measurement
-    assert measured is not None
-    return measured.wall_seconds - measured.training_wall_seconds, measured.training_wall_seconds / measured.env_steps
-
-
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
     """Results of the final training and of the race. Those of the final training come first where shares are equal."""
     trained = [*sorted(finals, key=rank, reverse=True), *sorted(race, key=rank, reverse=True)]

@@ -25,7 +25,6 @@ from stlbench.solver.contestants import (
     best_first,
     better_half,
     contestants,
-    cost,
     playing,
     rank,
     resumes,
@@ -47,8 +46,7 @@ _APART = 1000
 _DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE_SHARE = 0.1
-"""The share of the time for the training that measures the speed. It ends at the first checkpoint after it. If it
-learns nothing, the next method gets as much: of 198 tasks `funnel` learned 82, `raw` 102, one of both 107."""
+"""The share of the time for the training that measures the speed. It ends at the first checkpoint after it."""
 _SUM_SHARE = 0.2
 """The share of the time for a training by an agent without a discount; half as much for one that follows windows."""
 _PLAYED = "witness.npz"
@@ -175,11 +173,7 @@ class Trainer:
         (probe,) = self.train("probe", racing[:1], [FIRST_SEED], _satisfies)
         if probe.measurement is None:
             raise UsageError(f"no training ended well: {probe.id.name}: {probe.reason}")
-        best = probe
-        if not self._is_promising(best) and (second := [each for each in racing[1:2] if each.agent == racing[0].agent]):
-            self.say(f"{second[0]}; {_score(best)}")
-            best = max([best, *self.train("probe", second, [FIRST_SEED], _satisfies)], key=rank)
-        if _satisfies(best):
+        if _satisfies(best := probe):
             return best
         if self.start is None and not self._is_promising(best):
             best = self._searched(self.workspace.unscheduled, "search", _SUM_SHARE, best)
@@ -242,7 +236,7 @@ class Trainer:
 
         Raises `UsageError` where it is too short even for one.
         """
-        apart, each = cost(probe)
+        apart, each = _cost(probe)
         steps, given = self.workspace.task.file.steps, 60 * tries.RACE_SHARE * self.clock.minutes
         least = tries.least(self.workspace.task)
         if given < least * each:
@@ -308,7 +302,7 @@ class Trainer:
             self.say("no time is left to train again with fresh seeds")
             return []
         if FINAL not in self.workspace.task.file.budgets:
-            apart, each = cost(winner)
+            apart, each = _cost(winner)
             assert winner.measurement is not None
             turns = -(-len(FINAL_SEEDS) // self._at_once)
             if self._left / turns < _TWO_SEEDS_SECONDS * winner.measurement.wall_seconds:
@@ -370,7 +364,7 @@ class Trainer:
         """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""
         if budget in self.workspace.task.file.budgets:
             return True  # a solve that was stopped has written it
-        apart, each = cost(best)
+        apart, each = _cost(best)
         assert best.measurement is not None
         if self._left < 2 * (apart + tries.least(self.workspace.task) * each):
             return False
@@ -387,6 +381,13 @@ def _satisfies(result: Result) -> bool:
 def _score(result: Result) -> str:
     satisfaction, robustness = rank(result)
     return f"best so far {100 * satisfaction:.0f} %, robustness {robustness:.3g}"
+
+
+def _cost(result: Result) -> tuple[float, float]:
+    """Seconds of a cell apart from its training, which hardly depend on the steps; and seconds of training per step."""
+    measured = result.measurement
+    assert measured is not None
+    return measured.wall_seconds - measured.training_wall_seconds, measured.training_wall_seconds / measured.env_steps
 
 
 def _waves(count: int, jobs: int) -> list[int]:

@@ -153,7 +153,6 @@ def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: 
     trained = raced(30.0)
     assert [(budget, method, seed) for budget, method, _, seed in played.cells] == [
         ("probe", "funnel", 100),
-        ("probe", "raw", 100),
         ("search", "tltl", 100),
         ("rung-1", "funnel", 101),
         ("rung-1", "raw", 101),
@@ -166,7 +165,7 @@ def test_a_race_ends_with_the_first_that_satisfies_from_all_starts(monkeypatch: 
 def test_another_try_has_other_seeds_and_a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {("raw", 2101): 1.0})
     raced(30.0, seed=2)
-    assert [seed for *_, seed in played.cells] == [2100, 2100, 2100, 2101, 2101, 2200, 2201]
+    assert [seed for *_, seed in played.cells] == [2100, 2100, 2101, 2101, 2200, 2201]
     first, second = (Problem("CartPole-v1", FORMULA, seed=seed) for seed in (0, 2))
     assert "seed" not in first.facts  # folders of before belong to the first try
     assert is_of(first, Path("out"))
@@ -206,7 +205,7 @@ def test_a_policy_that_was_good_for_a_moment_does_not_end_the_race(monkeypatch: 
     played = Played(monkeypatch, {("funnel", 101): 0.95})
     played.last[("funnel", 101)] = 0.0
     raced(30.0)
-    assert [cell[:2] for cell in played.cells[3:5]] == [("rung-1", "funnel"), ("rung-1", "raw")]
+    assert [cell[:2] for cell in played.cells[2:4]] == [("rung-1", "funnel"), ("rung-1", "raw")]
 
 
 def test_a_search_that_satisfies_ends_the_race(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -214,7 +213,6 @@ def test_a_search_that_satisfies_ends_the_race(monkeypatch: pytest.MonkeyPatch) 
     raced(10.0)
     assert [cell[:3] for cell in played.cells] == [
         ("probe", "funnel", "dqn"),
-        ("probe", "raw", "dqn"),
         ("search", "tltl", "cma-es"),
         ("final", "tltl", "cma-es"),
     ]
@@ -233,24 +231,24 @@ def test_the_speed_of_a_search_plans_no_rung(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "raw", "tltl")})
+    played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
     workspace = workspace_of(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out"))
     assert workspace.unscheduled == (parse_choice("task[without=schedule]"), TASK)
     workspace.begin(30.0)
     Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
-    assert [cell[0] for cell in played.cells[1:5]] == ["probe", "search", "search-windows", "rung-1"]
+    assert [cell[0] for cell in played.cells[:4]] == ["probe", "search", "search-windows", "rung-1"]
 
 
 def test_a_search_begins_with_the_witness(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "raw", "tltl")})
+    played = Played(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(30.0)
     workspace.remember(searched=True)
     Path("out/witness.json").write_text('{"actions": [[1], [0]]}')
     Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
-    assert [cell[:3] for cell in played.cells[3:4]] == [("search-witness", "tltl", "cma-es")]
+    assert [cell[:3] for cell in played.cells[2:3]] == [("search-witness", "tltl", "cma-es")]
     decisions = load_task("task").file.steps
-    arrays = read(played.inits[3])
+    arrays = read(played.inits[2])
     size, hidden = arrays["widths"]
     seen = np.zeros((decisions, size))
     seen[:, (hidden - decisions) // 2] = np.linspace(-1, 1, decisions + 1)[:-1]  # the time
@@ -285,31 +283,12 @@ def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> No
     assert trained[0].id.seed == 200  # fresh seeds before the race, where both satisfy
 
 
-@pytest.mark.parametrize(("share", "tried"), [(0.4, ["funnel", "raw"]), (0.95, ["funnel"])])
-def test_a_second_method_has_a_probe_if_the_first_learns_nothing(
-    monkeypatch: pytest.MonkeyPatch, share: float, tried: list[str]
-) -> None:
-    played = Played(monkeypatch, {("funnel", 100): share, ("raw", 100): 1.0})
-    trained = raced(10.0)
-    assert [cell[1] for cell in played.cells if cell[0] == "probe"] == tried
-    assert {str(result.id.method) for result in trained} == {tried[-1]}
-    assert {cell[0] for cell in played.cells} == {"probe", "final"}
-
-
-def test_the_second_probe_has_the_same_agent(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {})
-    racing = (Contestant("raw", "dqn"), Contestant("raw", "sb3-dqn"))
-    monkeypatch.setattr("stlbench.solver.race.contestants", lambda *given: racing)
-    raced(30.0)
-    assert [cell[2] for cell in played.cells if cell[0] == "probe"] == ["dqn"]
-
-
 def test_nothing_is_trained_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {})
     trained = raced(3.0)
     assert played.now <= 180
-    assert [cell[0] for cell in played.cells] == ["probe", "probe", "search"]
-    assert {result.id.budget for result in trained} <= {"probe", "search"}
+    assert [cell[0] for cell in played.cells] == ["probe", "search", "rung-1"]
+    assert {result.id.budget for result in trained} <= {"probe", "search", "rung-1"}
 
 
 @pytest.mark.parametrize(("jobs", "seeds"), [(1, [200]), (2, [200, 201])])
