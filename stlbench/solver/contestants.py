@@ -37,6 +37,13 @@ def rank(result: Result) -> tuple[float, float]:
     return point.satisfaction, point.robustness_mean
 
 
+def cost(result: Result) -> tuple[float, float]:
+    """Seconds of a cell apart from its training, which hardly depend on the steps; and seconds of training per step."""
+    measured = result.measurement
+    assert measured is not None
+    return measured.wall_seconds - measured.training_wall_seconds, measured.training_wall_seconds / measured.env_steps
+
+
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
     """Results of the final training and of the race. Those of the final training come first where shares are equal."""
     trained = [*sorted(finals, key=rank, reverse=True), *sorted(race, key=rank, reverse=True)]
@@ -125,14 +132,26 @@ def searcher(task: Task, choices: Sequence[Choice]) -> Contestant | None:
 
 def playing(contestant: Contestant, course: Array, path: Path) -> Path | None:
     """The path of a policy that plays a course of actions (decisions, axes); None if the agent has none."""
-    task = automatic(load_task(contestant.task), contestant.agent)
-    environment = BatchEnvironment(task, build_method(task, contestant.method), 1, seed=0)
+    task, environment = _environment_of(contestant)
     policy = build_agent(task, contestant.agent).playing(course, environment)
     arrays = None if policy is None else policy.arrays()
     if arrays is None:
         return None
     write_arrays(path, arrays)
     return path
+
+
+def gains(contestant: Contestant) -> int:
+    """The numbers of a policy that is linear in the observation: axes times entries."""
+    task, environment = _environment_of(contestant)
+    entries: int = environment.time_column
+    return len(task.actions.names) * entries
+
+
+def _environment_of(contestant: Contestant) -> tuple[Task, BatchEnvironment]:
+    """A contestant's task, and one copy of its environment."""
+    task = automatic(load_task(contestant.task), contestant.agent)
+    return task, BatchEnvironment(task, build_method(task, contestant.method), 1, seed=0)
 
 
 def _class_of(agent: str) -> type[Agent]:

@@ -17,7 +17,18 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.solver.contestants import Contestant, again, along, best_first, better_half, contestants, rank, searcher
+from stlbench.simulation.environment import BatchEnvironment
+from stlbench.solver.contestants import (
+    Contestant,
+    again,
+    along,
+    best_first,
+    better_half,
+    contestants,
+    gains,
+    rank,
+    searcher,
+)
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
@@ -26,7 +37,7 @@ from stlbench.solver.run import _TRIES
 from stlbench.solver.workspace import TASK, is_of, workspace_of
 from stlbench.study.initial import read
 from stlbench.study.study import MOST_SEEDS
-from stlbench.task import load_task
+from stlbench.task import build_method, load_task
 from stlbench.tracks.auto import PATIENCE, automatic
 from stlbench_agents.cma_es import CMAES
 
@@ -274,6 +285,21 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
     past = workspace_of(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("past"))
     assert searcher(past.task, past.unscheduled) == Contestant("tltl", "cma-es", TASK)
     assert searcher(past.task, past.unscheduled[:1]) is None
+
+
+def test_a_search_needs_five_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task
+    seen = BatchEnvironment(automatic(task, "dqn"), build_method(automatic(task, "dqn"), "tltl"), 1, 0)
+    assert gains(Contestant("tltl", "cma-es")) == seen.time_column  # one axis
+    for numbers, searched in ((300, True), (500, False)):
+        played = Played(monkeypatch, {})
+        monkeypatch.setattr(
+            "stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.06
+        )  # a fifth: 2000 of them
+        monkeypatch.setattr("stlbench.solver.race.gains", lambda contestant, numbers=numbers: numbers)
+        raced(10.0)
+        assert ("search" in {cell[0] for cell in played.cells}) == searched
+        shutil.rmtree("out")
 
 
 def test_a_probe_that_satisfies_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
