@@ -287,11 +287,11 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
     assert searcher(past.task, past.unscheduled[:1]) is None
 
 
-def test_a_search_needs_five_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_needs_eight_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     task = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task
     seen = BatchEnvironment(automatic(task, "dqn"), build_method(automatic(task, "dqn"), "tltl"), 1, 0)
     assert gains(Contestant("tltl", "cma-es")) == seen.time_column  # one axis
-    for numbers, searched in ((300, True), (500, False)):
+    for numbers, searched in ((200, True), (300, False)):
         played = Played(monkeypatch, {})
         monkeypatch.setattr(
             "stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.06
