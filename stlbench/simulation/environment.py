@@ -222,9 +222,10 @@ class _Past:
         self._formula, self._names = task.formula, task.signals
         self._samples: Array = np.empty((count, task.file.steps + 1, len(task.signals)))
 
-    def begin(self, rows: Integers | slice, signals: Array) -> None:
-        """Episodes begin in rows (r,), with signals (r, k)."""
-        self._samples[rows, 0] = signals
+    def begin(self, rows: Integers, signals: Array, t: Integers) -> None:
+        """Episodes begin in rows (r,) at steps t (r,), as if the signals (r, k) had been there since step 0."""
+        for row, begun, step in zip(rows, signals, t, strict=True):
+            self._samples[row, : step + 1] = begun
 
     def add(self, samples: Array, t: Integers) -> None:
         """Samples (N, h, k), the last of which are at steps t (N,)."""
@@ -266,7 +267,7 @@ class BatchEnvironment:
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
         self.simulator.reset(np.repeat(self._draw(self.count // alike), alike, axis=0))
         if self._past is not None:
-            self._past.begin(slice(None), self.simulator.signals)
+            self._past.begin(np.arange(self.count), self.simulator.signals, self.simulator.t)
         if self._training.exploring is not None and alike == 1:
             self._reset_rows(np.arange(self.count))
         self._seen = self.simulator.observe()
@@ -370,7 +371,8 @@ class BatchEnvironment:
             chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
             t[chosen] = self._generator.integers(self.decisions, size=len(chosen)) * self.hold
             kept = self._generator.random(len(chosen)) < exploring.kept
-            begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
+            if kept.any():  # the state of an environment cannot be set, and has no entries
+                begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:
                 drawn = chosen[~kept]
                 begun[drawn] = self._exploring_states.draw(self._generator, t[drawn])
@@ -379,7 +381,7 @@ class BatchEnvironment:
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
         simulator.reset_rows(rows, begun, t)
         if self._past is not None:
-            self._past.begin(rows, simulator.signals[rows])
+            self._past.begin(rows, simulator.signals[rows], t)
 
     def _draw(self, count: int) -> Array:
         return self.task.starts.of_training(self._generator, count)

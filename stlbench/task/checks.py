@@ -61,10 +61,9 @@ def check_world(parts: Parts, on_gymnasium: bool) -> Iterator[str]:
 
 
 def _places_of_states(parts: Parts) -> Iterator[str]:
-    exploring = "training.exploring"
-    yield from (place for place, _ in regions(parts) if not place.startswith(exploring))
-    if (parts.get("training") or {}).get("exploring") is not None:
-        yield exploring
+    yield from (place for place, _ in regions(parts))
+    if ((parts.get("training") or {}).get("exploring") or {}).get("kept"):
+        yield "training.exploring.kept"
 
 
 def _expressions(parts: Parts, rule: str) -> Iterator[str]:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Event, Specification
 from stlbench.records.result import MAIN, RANDOM
-from stlbench.simulation.environment import BatchEnvironment
+from stlbench.simulation.environment import BatchEnvironment, _Past
 from stlbench.simulation.referee import Referee
 from stlbench.simulation.verdicts import EarlyEnds, judge, without_end
 from stlbench.stl.recorded.evaluator import value_range
@@ -113,6 +113,27 @@ def test_an_early_end_is_lost_by_what_happened_before_it() -> None:
         step = environment.step(np.array([RIGHT_INDEX]))
         assert step.ended.tolist() == [True]
         assert (step.reward[0] > 0) == reward
+
+
+def test_an_episode_that_begins_late_is_judged_as_if_it_had_stood_there_before() -> None:
+    past = _Past(walk(WALL, formula="G[0,2] x <= 0.5"), 2)
+    past.begin(np.arange(2), np.array([[0.0], [0.0]]), np.array([0, 0]))
+    for t in (1, 2):
+        past.add(np.array([[[1.0]], [[0.0]]]), np.array([t, t]))
+    assert past.lost(np.array([True, True]), np.array([2, 2])).tolist() == [True, False]
+    past.begin(np.array([0]), np.array([[0.5]]), np.array([3]))  # the samples of the episode before do not count
+    past.add(np.array([[[1.0]], [[1.0]]]), np.array([4, 3]))
+    assert past.lost(np.array([True, False]), np.array([4, 3])).tolist() == [False, False]
+
+
+def test_episodes_on_an_environment_may_begin_at_a_random_time() -> None:
+    task = walk(training={"exploring": {"share": 0.5}}, hold=2)
+    environment = BatchEnvironment(task, Probe(task.specification), 400, seed=0)
+    observation, begun = environment.reset(), environment.simulator.t
+    assert set(begun.tolist()) == {0, 2, 4, 6}
+    assert 0.5 < (begun == 0).mean() < 0.75  # half of all, and a quarter of the others
+    assert set(observation[:, 0]) == {0.0}  # all at the environment's own start
+    assert np.array_equal(environment.step(np.full(400, 1)).ended, begun == 6)
 
 
 def test_an_end_at_the_last_step_is_the_time_limit() -> None:

@@ -57,6 +57,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str
     return write
 
 
+def exploring(**entries: Any) -> dict[str, Any]:
+    return {"training": {"exploring": {"share": 0.5, **entries}}}
+
+
 def environment(**changes: Any) -> dict[str, Any]:
     return {"environment": POLE["environment"] | changes}
 
@@ -98,7 +102,8 @@ def test_the_sets_of_seeds_are_apart() -> None:
         ({"actions": {"push": {"low": -1, "high": 1}}}, "actions.push: the environment takes whole numbers"),
         ({"actions": {"a": {"low": 0, "high": 1}, "b": {"low": 0, "high": 1}}}, "actions: 2 are declared, the env.* 1"),
         ({"initial": {"box": {"x": 0}}}, "initial: the state of this task cannot be set, its starts are seeds"),
-        ({"training": {"exploring": {"share": 0.5}}}, "training.exploring: the state of this task cannot be set"),
+        (exploring(kept=0.5), "training.exploring.kept: the state of this task cannot be set"),
+        (exploring(states={"box": {"x": 0}}), "training.exploring.states: the state of this task cannot be set"),
         ({"environment": None}, "there is no environment: give its id in task.yaml, or a class of GymTask"),
         ({"terminated": "crashed"}, "terminated: should be 'hold', 'violated' or 'interval'"),
     ],
