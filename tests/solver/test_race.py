@@ -343,19 +343,6 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
     assert planned[3.0] > 1.2 * planned[4.0]
 
 
-@pytest.mark.parametrize(("seconds", "seeds"), [(90.0, [200]), (100.0, [])])
-def test_fresh_seeds_train_only_where_they_have_more_time_than_the_winner(
-    monkeypatch: pytest.MonkeyPatch, seconds: float, seeds: list[int]
-) -> None:
-    played = Played(monkeypatch, {("raw", 200): 1.0})
-    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
-    workspace.begin(3.0)
-    (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
-    cast(Any, winner.measurement).wall_seconds, played.now = seconds, 0.0  # 144 until the delivery
-    trained = Trainer(workspace, Clock(3.0), lambda text: None, False, jobs=1).final(winner)
-    assert [result.id.seed for result in trained] == seeds
-
-
 def test_methods_that_race() -> None:
     task = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task
     methods = contestants(task, 10)
