@@ -70,8 +70,8 @@ _FIRST_RUNG_EPISODES = 100
 """Episodes of the first rung. If the time does not suffice for so many, fewer methods race."""
 _MOST_WINNER_STEPS = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
-_FRESH_SEEDS_SECONDS = 1.5
-"""Fresh seeds train where they have so many times the seconds of the winner, the second one where both have."""
+_TWO_SEEDS_SECONDS = 1.5
+"""The second seed of the final training is planned where both have so many times the seconds of the winner."""
 _LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
 _SIDE_BY_SIDE = 2
@@ -299,18 +299,17 @@ class Trainer:
     def final(self, winner: Result) -> list[Result]:
         """The winner, trained with fresh seeds until one satisfies from all starts for selection; the best first.
 
-        There is none where the time before the delivery is too short: a fresh seed would learn less than the winner.
+        There is none where only the time for the delivery is left.
         """
-        assert winner.measurement is not None
-        enough = _FRESH_SEEDS_SECONDS * winner.measurement.wall_seconds
-        if self._left < enough and not self._done(FINAL):
-            self.say("too little time is left to train again with fresh seeds")
+        if not self._left and not self._done(FINAL):
+            self.say("no time is left to train again with fresh seeds")
             return []
         if FINAL not in self.workspace.task.file.budgets:
             apart, each = cost(winner)
+            assert winner.measurement is not None
             turns = -(-len(FINAL_SEEDS) // self._at_once)
-            if self._left / turns < enough:
-                turns = 1  # one seed for all of the time
+            if self._left / turns < _TWO_SEEDS_SECONDS * winner.measurement.wall_seconds:
+                turns = 1  # one seed for all of the time; it should not learn less than in the race
             checkpoints, seconds = self._training(self._left / turns, apart)
             steps = int(seconds / each)
             if rank(winner)[0] == 1:
