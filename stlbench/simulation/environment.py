@@ -222,10 +222,9 @@ class _Past:
         self._formula, self._names = task.formula, task.signals
         self._samples: Array = np.empty((count, task.file.steps + 1, len(task.signals)))
 
-    def begin(self, rows: Integers, signals: Array, t: Integers) -> None:
-        """Episodes begin in rows (r,) at steps t (r,), as if the signals (r, k) had been there since step 0."""
-        for row, begun, step in zip(rows, signals, t, strict=True):
-            self._samples[row, : step + 1] = begun
+    def begin(self, rows: Integers | slice, signals: Array) -> None:
+        """Episodes begin in rows (r,), at any step, as if the signals (r, k) had been there since step 0."""
+        self._samples[rows] = signals[:, None]
 
     def add(self, samples: Array, t: Integers) -> None:
         """Samples (N, h, k), the last of which are at steps t (N,)."""
@@ -267,7 +266,7 @@ class BatchEnvironment:
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
         self.simulator.reset(np.repeat(self._draw(self.count // alike), alike, axis=0))
         if self._past is not None:
-            self._past.begin(np.arange(self.count), self.simulator.signals, self.simulator.t)
+            self._past.begin(slice(None), self.simulator.signals)
         if self._training.exploring is not None and alike == 1:
             self._reset_rows(np.arange(self.count))
         self._seen = self.simulator.observe()
@@ -381,7 +380,7 @@ class BatchEnvironment:
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
         simulator.reset_rows(rows, begun, t)
         if self._past is not None:
-            self._past.begin(rows, simulator.signals[rows], t)
+            self._past.begin(rows, simulator.signals[rows])
 
     def _draw(self, count: int) -> Array:
         return self.task.starts.of_training(self._generator, count)

@@ -117,11 +117,11 @@ def test_an_early_end_is_lost_by_what_happened_before_it() -> None:
 
 def test_an_episode_that_begins_late_is_judged_as_if_it_had_stood_there_before() -> None:
     past = _Past(walk(WALL, formula="G[0,2] x <= 0.5"), 2)
-    past.begin(np.arange(2), np.array([[0.0], [0.0]]), np.array([0, 0]))
+    past.begin(np.arange(2), np.array([[0.0], [0.0]]))
     for t in (1, 2):
         past.add(np.array([[[1.0]], [[0.0]]]), np.array([t, t]))
     assert past.lost(np.array([True, True]), np.array([2, 2])).tolist() == [True, False]
-    past.begin(np.array([0]), np.array([[0.5]]), np.array([3]))  # the samples of the episode before do not count
+    past.begin(np.array([0]), np.array([[0.5]]))  # at step 3: the samples of the episode before do not count
     past.add(np.array([[[1.0]], [[1.0]]]), np.array([4, 3]))
     assert past.lost(np.array([True, False]), np.array([4, 3])).tolist() == [False, False]
 

@@ -15,20 +15,8 @@ from solver.conftest import FORMULA
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
-from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, parse_choice
-from stlbench.simulation.environment import BatchEnvironment
-from stlbench.solver.contestants import (
-    Contestant,
-    again,
-    along,
-    best_first,
-    better_half,
-    contestants,
-    gains,
-    rank,
-    searcher,
-)
+from stlbench.registry.choices import parse_choice
+from stlbench.solver.contestants import Contestant, best_first, searcher
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
@@ -37,7 +25,7 @@ from stlbench.solver.run import _TRIES
 from stlbench.solver.workspace import TASK, is_of, workspace_of
 from stlbench.study.initial import read
 from stlbench.study.study import MOST_SEEDS
-from stlbench.task import build_method, load_task
+from stlbench.task import load_task
 from stlbench.tracks.auto import PATIENCE, automatic
 from stlbench_agents.cma_es import CMAES
 
@@ -288,14 +276,9 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
 
 
 def test_a_search_needs_eight_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
-    task = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task
-    seen = BatchEnvironment(automatic(task, "dqn"), build_method(automatic(task, "dqn"), "tltl"), 1, 0)
-    assert gains(Contestant("tltl", "cma-es")) == seen.time_column  # one axis
     for numbers, searched in ((200, True), (300, False)):
         played = Played(monkeypatch, {})
-        monkeypatch.setattr(
-            "stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.06
-        )  # a fifth: 2000 of them
+        monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.06)  # 2000 in a fifth
         monkeypatch.setattr("stlbench.solver.race.gains", lambda contestant, numbers=numbers: numbers)
         raced(10.0)
         assert ("search" in {cell[0] for cell in played.cells}) == searched
@@ -341,68 +324,3 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
         assert seconds is not None
         planned[minutes] = seconds
     assert planned[3.0] > 1.2 * planned[4.0]
-
-
-def test_methods_that_race() -> None:
-    task = workspace_of(Problem("CartPole-v1", FORMULA), Path("out")).task
-    methods = contestants(task, 10)
-    assert methods[:2] == (Contestant("funnel", "dqn"), Contestant("raw", "dqn"))
-    assert {each.agent for each in methods} == {"dqn"}
-    assert contestants(task, 60)[-1] == Contestant("funnel", "sb3-dqn")  # with much time another agent races
-    assert len(contestants(task, 60)) == 4
-    again = workspace_of(Problem("Pendulum-v1", "G[0,50] F[0,20] x >= 0"), Path("other")).task
-    assert contestants(again, 10)[0] == Contestant("funnel", "td3")  # its schedule has no F inside of G
-    assert len(contestants(again, 10)) <= 4
-    assert "cfer" not in {each.method for each in contestants(again, 10)}  # which td3 trains as it does flag
-
-
-def test_who_goes_on_trains_on_the_formula_as_it_is_if_it_did_so_before() -> None:
-    nested = workspace_of(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out")).task
-    by = {choice: Contestant("tltl", "cma-es", parse_choice(choice)) for choice in ("task[without=schedule]", "task")}
-    assert [str(again(who, nested).task) for who in by.values()] == [*by]
-    assert again(Contestant("raw", "dqn", parse_choice("task[schedule=wide]")), nested).task == TASK
-    plain = workspace_of(Problem("CartPole-v1", FORMULA), Path("plain")).task
-    assert again(by["task[without=schedule]"], plain).task == TASK
-
-
-def test_who_races_by_another_schedule() -> None:
-    """All follow it, and the first also the schedule of the probe. Without another schedule nothing changes."""
-    racing = tuple(Contestant(method, "dqn") for method in ("funnel", "raw", "counters", "dense"))
-    assert along(racing, [TASK]) == racing
-    witnessed = parse_choice("task[schedule=witness]")
-    found = along(racing, [witnessed, TASK])
-    assert [each.method for each in found] == ["funnel", "raw", "counters", "dense", "funnel"]
-    assert [each.task for each in found] == [witnessed] * 4 + [TASK]
-    assert str(found[0]) == "funnel by schedule witness"
-
-
-def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    workspace = workspace_of(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("out"))
-    own = {"causation": plugins.find("methods", "causation")}
-    available = plugins.available
-    monkeypatch.setattr(plugins, "available", lambda kind: own if kind == "methods" else available(kind))
-    with pytest.raises(UsageError, match=r"^no method fits the formula F\[0,20\] .*; causation: it takes G"):
-        contestants(workspace.task, 3.0)
-
-
-@pytest.mark.parametrize(
-    ("scores", "kept"),
-    [
-        ({"funnel": (0.5, -1.0), "raw": (0.0, 9.0), "dense": (0.7, -2.0), "tltl": (0.1, 0.0)}, ["dense", "funnel"]),
-        ({"funnel": (0.0, -9.0), "raw": (0.0, -20.0), "dense": (0.0, -1.0), "tltl": (0.0, 0.0)}, ["funnel", "raw"]),
-        ({"funnel": (0.0, -9.0), "raw": None, "dense": (0.0, -1.0)}, ["funnel", "dense"]),
-        ({"funnel": None, "raw": None}, ["funnel"]),
-    ],
-)
-def test_if_nobody_satisfies_the_first_in_the_race_go_on(
-    scores: dict[str, tuple[float, float] | None], kept: list[str]
-) -> None:
-    results = list[Result]()
-    for method, score in scores.items():
-        at = None if score is None else SimpleNamespace(satisfaction=score[0], robustness_mean=score[1])
-        cell = CellId(Choice("task"), Choice(method), Choice("td3"), 101, "rung-1", "auto")
-        measured = None if at is None else SimpleNamespace(selection=at)
-        results.append(cast(Result, SimpleNamespace(id=cell, measurement=measured)))
-    ranked = sorted(results, key=rank, reverse=True)
-    racing = [Contestant(method, "td3", Choice("task")) for method in scores]
-    assert [each.method for each in better_half(ranked, racing)] == kept
