@@ -49,8 +49,9 @@ _DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE_SHARE = 0.1
 """The share of the time for the training that measures the speed. It ends at the first checkpoint after it."""
-_SUM_SHARE = 0.2
-"""The share of the time for a training by an agent without a discount; half as much for one that follows windows."""
+_SUM_SHARE, _SUM_MINUTES = 0.2, 10.0
+"""The share of the time for a training by an agent without a discount; half as much for one that follows windows. It is
+a share of at most so many minutes: on 30 nested formulas none that found a policy had taken 40 s."""
 _PLAYED = "witness.npz"
 """The policy that plays the witness."""
 _LEAST_SUM_EPISODES, _GAIN_EPISODES = 1000, 8
@@ -70,8 +71,8 @@ _FIRST_RUNG_EPISODES = 100
 """Episodes of the first rung. If the time does not suffice for so many, fewer methods race."""
 _MOST_WINNER_STEPS = 4
 """The final training has at most so many times the steps of a winner that satisfied from all starts."""
-_TWO_SEEDS_SECONDS = 1.5
-"""The second seed of the final training is planned where both have so many times the seconds of the winner."""
+_FRESH_SEEDS_SECONDS = 1.5
+"""Fresh seeds train where they have so many times the seconds of the winner, the second one where both have."""
 _LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
 _SIDE_BY_SIDE = 2
@@ -210,7 +211,7 @@ class Trainer:
         It begins with a course of actions, if there is one and the agent can play it.
         """
         task = self.workspace.task
-        checkpoints, seconds = self._training(share * 60 * self.clock.minutes, 0.0)
+        checkpoints, seconds = self._training(share * 60 * min(self.clock.minutes, _SUM_MINUTES), 0.0)
         # its speed is not known; it is at most that of the simulation, and the seconds end it
         episodes = seconds / self.workspace.episode_seconds
         if episodes < _LEAST_SUM_EPISODES or (contestant := searcher(task, choices)) is None:
@@ -249,9 +250,10 @@ class Trainer:
                 f"about {tries.least_minutes(self.workspace.task, each):.2g} minutes are needed"
             )
         count = len(racing)
+        shared = min(given, self._left / 2)  # the winner needs at least as much to train on
         while count > 1:
             waves = _waves(count, self._at_once)
-            first = given / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(waves))
+            first = shared / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(waves))
             checkpoints, seconds = self._training(first, apart)
             if seconds >= _FIRST_RUNG_EPISODES * steps * each and first >= 2 * apart:
                 for rung in range(len(waves)):
@@ -299,17 +301,18 @@ class Trainer:
     def final(self, winner: Result) -> list[Result]:
         """The winner, trained with fresh seeds until one satisfies from all starts for selection; the best first.
 
-        There is none where only the time for the delivery is left.
+        There is none where the time before the delivery is too short: a fresh seed would learn less than the winner.
         """
-        if not self._left and not self._done(FINAL):
-            self.say("no time is left to train again with fresh seeds")
+        assert winner.measurement is not None
+        enough = _FRESH_SEEDS_SECONDS * winner.measurement.wall_seconds
+        if self._left < enough and not self._done(FINAL):
+            self.say("too little time is left to train again with fresh seeds")
             return []
         if FINAL not in self.workspace.task.file.budgets:
             apart, each = cost(winner)
-            assert winner.measurement is not None
             turns = -(-len(FINAL_SEEDS) // self._at_once)
-            if self._left / turns < _TWO_SEEDS_SECONDS * winner.measurement.wall_seconds:
-                turns = 1  # one seed for all of the time; it should not learn less than in the race
+            if self._left / turns < enough:
+                turns = 1  # one seed for all of the time
             checkpoints, seconds = self._training(self._left / turns, apart)
             steps = int(seconds / each)
             if rank(winner)[0] == 1:

@@ -324,3 +324,30 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
         assert seconds is not None
         planned[minutes] = seconds
     assert planned[3.0] > 1.2 * planned[4.0]
+
+
+@pytest.mark.parametrize(("seconds", "seeds"), [(90.0, [200]), (100.0, [])])
+def test_fresh_seeds_train_only_where_they_have_more_time_than_the_winner(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, seeds: list[int]
+) -> None:
+    played = Played(monkeypatch, {("raw", 200): 1.0})
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(3.0)
+    (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
+    cast(Any, winner.measurement).wall_seconds, played.now = seconds, 0.0  # 144 until the delivery
+    trained = Trainer(workspace, Clock(3.0), lambda text: None, False, jobs=1).final(winner)
+    assert [result.id.seed for result in trained] == seeds
+
+
+def test_a_race_has_at_most_half_of_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    seconds = []
+    for spent in (0.0, 72.0):  # of 144 until the delivery
+        played = Played(monkeypatch, {})
+        workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(f"out-{spent:g}"))
+        workspace.begin(3.0)
+        trainer = Trainer(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=1)
+        (probe,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
+        played.now = spent
+        assert trainer._plan([Contestant("raw", "dqn"), Contestant("tltl", "dqn")], probe) == 2
+        seconds.append(workspace.task.budget("rung-1").seconds or 0.0)
+    assert seconds[1] < 0.55 * seconds[0]  # the scoring of checkpoints takes some of it
