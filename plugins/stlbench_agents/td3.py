@@ -47,6 +47,7 @@ class TD3(training.LockStepAgent):
             "exploration_noise_final": 0.1,
         }
     )
+    second_recipe = MappingProxyType({"copies": 32, "gradient_steps": 8})
     preference = MappingProxyType({"box": 1})
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {

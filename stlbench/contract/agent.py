@@ -323,6 +323,9 @@ class Agent(ABC):
     recipe: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     """Its parameters on the track `auto`, the same for every task, of values that JSON has; others keep their defaults.
     A `gamma` here is the least: rules raise it for a task that lasts long, or asks again and again."""
+    second_recipe: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """Numbers and words of a second recipe, where it differs from `recipe`. With it `stlbench solve` races on an
+    environment if the first recipe learned nothing."""
     preference: ClassVar[Mapping[ActionKind, int]] = MappingProxyType({})
     """Kind of actions -> its place among the agents to train with if none is named, 1 the first. The first agent of
     stlbench trains a task without recipes, whatever is installed. The next one also races in a long `stlbench solve`.

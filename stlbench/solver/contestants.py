@@ -10,7 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import cast
 
-from stlbench.contract import ActionGrid, Agent, Array, Intractable, Unsuitable
+from stlbench.contract import ActionGrid, Agent, Array, Intractable, System, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.array_files import write_arrays
 from stlbench.records.result import Result
@@ -166,6 +166,20 @@ def along(racing: Sequence[Contestant], choices: Sequence[Choice]) -> tuple[Cont
     best, *others = choices
     first = [replace(racing[0], task=choice) for choice in others]
     return (*(replace(each, task=best) for each in racing), *first)
+
+
+def by_second_recipe(racing: Sequence[Contestant], task: Task) -> tuple[Contestant, ...]:
+    """The contestants by the second recipe of their agent, where it has one and the task is an environment.
+
+    It has more copies: the rules begin episodes of a system in diverse states, and those of an environment cannot. CPU
+    seconds of `raw` until 95 % of the starts satisfy, by the first and the second recipe of `td3`, medians: 44 and 28
+    on HalfCheetah (seeds 100 to 103), 99 and 29 on Ant (100 and 101); but 15 and 22 on LunarLander.
+    """
+    if isinstance(task.dynamics, System):
+        return tuple(racing)
+    recipes = {each.agent: _class_of(each.agent).second_recipe for each in racing}
+    texts = {agent: [(name, str(value)) for name, value in recipes[agent].items()] for agent in recipes}
+    return tuple(replace(each, agent=str(Choice(each.agent, tuple(texts[each.agent])))) for each in racing)
 
 
 def _reasons(task: Task) -> Iterator[str]:

@@ -24,6 +24,7 @@ from stlbench.solver.contestants import (
     along,
     best_first,
     better_half,
+    by_second_recipe,
     contestants,
     cost,
     gains,
@@ -62,8 +63,7 @@ _PROBE_CHECKPOINTS = 10
 _SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
 """The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
 _CHECKPOINT_STARTS = 8  # starts from which a checkpoint is scored during a training, at least
-_PATIENCE = 0
-"""A training of the race ends at the first checkpoint that satisfies from all starts for selection."""
+_PATIENCE = 0  # a training of the race ends at the first checkpoint that satisfies from all starts for selection
 _PROMISING_SHARE = 0.5
 """A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
 race ends, and it trains on."""
@@ -75,8 +75,9 @@ _FRESH_SEEDS_SECONDS = 1.5
 """Fresh seeds train where they have so many times the seconds of the winner, the second one where both have."""
 _LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
-_SIDE_BY_SIDE = 2
-"""Trainings that go on side by side."""
+_SIDE_BY_SIDE = 2  # trainings that go on
+_OTHER_SPEED = 2
+"""By another recipe than that of the probe a rung has at most so many times the steps. Its seconds end it."""
 _OVERTIME = 1.15
 """A training that is slower than planned ends after so many times the seconds that were planned."""
 _HANGING_SECONDS = 600.0
@@ -189,7 +190,7 @@ class Trainer:
             choices = self.workspace.choices
             if len(choices) > 1 and not self._is_promising(best):
                 best = self._searched(choices[:1], "search-windows", _SUM_SHARE / 2, best)
-            racing = list(along(racing, choices))
+            racing = list(along(by_second_recipe(racing, self.workspace.task), choices))
         if _satisfies(best):
             return best
         methods = self.workspace.state["methods"]  # a race that was stopped has them
@@ -251,6 +252,7 @@ class Trainer:
             )
         count = len(racing)
         shared = min(given, self._left / 2)  # the winner needs at least as much to train on
+        most = 1 if racing[0].agent == str(probe.id.agent) else _OTHER_SPEED
         while count > 1:
             waves = _waves(count, self._at_once)
             first = shared / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(waves))
@@ -258,7 +260,7 @@ class Trainer:
             if seconds >= _FIRST_RUNG_EPISODES * steps * each and first >= 2 * apart:
                 for rung in range(len(waves)):
                     checkpoints, seconds = self._training(first * _RUNG_RATIO**rung, apart)
-                    self._write(f"rung-{rung + 1}", int(seconds / each), seconds, checkpoints, _PATIENCE)
+                    self._write(f"rung-{rung + 1}", int(most * seconds / each), seconds, checkpoints, _PATIENCE)
                 break
             count -= 1
         self.workspace.remember(methods=[contestant.method for contestant in racing[:count]])

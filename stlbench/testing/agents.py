@@ -162,14 +162,18 @@ def _check_search_space(agent: contract.Agent, rules: Rules) -> None:
 
 def _check_recipe(agent: contract.Agent, rules: Rules) -> None:
     known = choices.declared(type(agent))
+    rule = "recipe has parameters of the agent, with values of their types"
     for name, value in agent.recipe.items():
-        fits = name in known and _fits(known, name, value)
-        rules.keep(fits, "recipe has parameters of the agent, with values of their types", f"{name} = {value!r}")
+        rules.keep(name in known and _fits(known, name, value), rule, f"{name} = {value!r}")
+    for name, value in agent.second_recipe.items():  # a part of the name of the agent in a race
+        fits = name in known and _fits(known, name, as_text=str(value))
+        rules.keep(fits, f"second_{rule}", f"{name} = {value!r}")
 
 
-def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool:
+def _fits(known: dict[str, choices.Parameter], name: str, value: object = None, as_text: str | None = None) -> bool:
+    choice = Choice("agent", () if as_text is None else ((name, as_text),))
     try:
-        choices.check({name: known[name]}, Choice("agent"), {name: value})
+        choices.check({name: known[name]}, choice, {name: value} if as_text is None else {})
     except UsageError:
         return False
     return True

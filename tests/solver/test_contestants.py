@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -15,10 +16,19 @@ from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.simulation.environment import BatchEnvironment
-from stlbench.solver.contestants import Contestant, again, along, better_half, contestants, gains, rank
+from stlbench.solver.contestants import (
+    Contestant,
+    again,
+    along,
+    better_half,
+    by_second_recipe,
+    contestants,
+    gains,
+    rank,
+)
 from stlbench.solver.problem import Problem
 from stlbench.solver.workspace import TASK, workspace_of
-from stlbench.task import build_method
+from stlbench.task import build_agent, build_method, load_task
 from stlbench.tracks.auto import automatic
 
 
@@ -59,6 +69,22 @@ def test_who_races_by_another_schedule() -> None:
     assert [each.method for each in found] == ["funnel", "raw", "counters", "dense", "funnel"]
     assert [each.task for each in found] == [witnessed] * 4 + [TASK]
     assert str(found[0]) == "funnel by schedule witness"
+
+
+def test_who_races_by_a_second_recipe() -> None:
+    """Those of an environment, if their agent has one."""
+    racing = tuple(Contestant(method, agent) for method, agent in (("funnel", "td3"), ("raw", "td3"), ("raw", "dqn")))
+    task = workspace_of(Problem("Pendulum-v1", "F[0,50] x >= 0.9"), Path("out")).task
+    found = by_second_recipe(racing, task)
+    assert [(each.method, each.agent) for each in found] == [
+        ("funnel", "td3[copies=32,gradient_steps=8]"),
+        ("raw", "td3[copies=32,gradient_steps=8]"),
+        ("raw", "dqn"),
+    ]
+    assert build_agent(automatic(task, "td3"), found[0].agent) == replace(
+        build_agent(automatic(task, "td3"), "td3"), copies=32, gradient_steps=8
+    )
+    assert by_second_recipe(racing, load_task("zones")) == racing  # states of a system can be set
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,6 +104,8 @@ seeds = iter(range(1000))
         (broken(search_space={"rate": ()}), "search_space has values for each parameter; got none for rate"),
         (broken(recipe={"rat": 1}), "recipe has parameters of the agent, with values of their types; got rat = 1"),
         (broken(recipe={"rate": "x"}), "recipe has parameters of the agent, with values of their types; got rate"),
+        (broken(second_recipe={"rat": 1}), "second_recipe has parameters of the agent, with values of their types"),
+        (broken(second_recipe={"rate": [1, 2]}), "second_recipe has parameters of the agent, with values of their"),
         (broken(preference={"line": 1}), "preference has places from 1 on for some of grid, robots, box; got"),
         (broken(preference={"grid": 0}), "preference has places from 1 on for some of grid, robots, box; got"),
         (broken(search_space={"rate": ("x",)}), "values of search_space are of their type; got rate = 'x'"),
