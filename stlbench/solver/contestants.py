@@ -37,11 +37,15 @@ def rank(result: Result) -> tuple[float, float]:
     return point.satisfaction, point.robustness_mean
 
 
-def cost(result: Result) -> tuple[float, float]:
-    """Seconds of a cell apart from its training, which hardly depend on the steps; and seconds of training per step."""
+def cost(result: Result, scoring: float) -> tuple[float, float]:
+    """Seconds of a cell apart from its training and its checkpoints, each of so many seconds; and of training per step.
+
+    The former hardly depend on the steps.
+    """
     measured = result.measurement
     assert measured is not None
-    return measured.wall_seconds - measured.training_wall_seconds, measured.training_wall_seconds / measured.env_steps
+    apart = measured.wall_seconds - measured.training_wall_seconds - len(measured.curve) * scoring
+    return max(0.0, apart), measured.training_wall_seconds / measured.env_steps
 
 
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
@@ -84,6 +88,15 @@ def better_half(ranked: Sequence[Result], racing: Sequence[Contestant]) -> list[
         places = {each: place for place, each in enumerate(racing)}
         kept.sort(key=lambda each: places.get(each, len(racing)))
     return kept[: -(-len(ranked) // 2)]
+
+
+def waves(count: int, jobs: int) -> list[int]:
+    """For each rung of a race of so many contestants, how many of its cells run one after another."""
+    found = []
+    while count > 1:
+        found.append(-(-count // jobs))
+        count = -(-count // 2)
+    return found
 
 
 def resumes(agent: str) -> bool:

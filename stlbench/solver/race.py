@@ -32,6 +32,7 @@ from stlbench.solver.contestants import (
     rank,
     resumes,
     searcher,
+    waves,
 )
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook, outlook
@@ -241,7 +242,7 @@ class Trainer:
 
         Raises `UsageError` where it is too short even for one.
         """
-        apart, each = cost(probe)
+        apart, each = cost(probe, self._scoring)
         steps, given = self.workspace.task.file.steps, 60 * tries.RACE_SHARE * self.clock.minutes
         least = tries.least(self.workspace.task)
         if given < least * each:
@@ -254,11 +255,11 @@ class Trainer:
         shared = min(given, self._left / 2)  # the winner needs at least as much to train on
         most = 1 if racing[0].agent == str(probe.id.agent) else _OTHER_SPEED
         while count > 1:
-            waves = _waves(count, self._at_once)
-            first = shared / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(waves))
+            rungs = waves(count, self._at_once)
+            first = shared / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(rungs))
             checkpoints, seconds = self._training(first, apart)
             if seconds >= _FIRST_RUNG_EPISODES * steps * each and first >= 2 * apart:
-                for rung in range(len(waves)):
+                for rung in range(len(rungs)):
                     checkpoints, seconds = self._training(first * _RUNG_RATIO**rung, apart)
                     self._write(f"rung-{rung + 1}", int(most * seconds / each), seconds, checkpoints, _PATIENCE)
                 break
@@ -268,9 +269,13 @@ class Trainer:
 
     def _training(self, seconds: float, apart: float) -> tuple[int, float]:
         """For a cell of so many seconds: its checkpoints, and the seconds of its training."""
-        scored = (self.workspace.task.file.starts + _CHECKPOINT_STARTS) * self.workspace.episode_seconds
-        checkpoints = int(np.clip(_SCORING_SHARE * seconds / scored, *_CHECKPOINTS))
-        return checkpoints, max(seconds / 2, seconds - apart - checkpoints * scored)
+        checkpoints = int(np.clip(_SCORING_SHARE * seconds / self._scoring, *_CHECKPOINTS))
+        return checkpoints, max(seconds / 2, seconds - apart - checkpoints * self._scoring)
+
+    @property
+    def _scoring(self) -> float:
+        """Seconds of a checkpoint."""
+        return (self.workspace.task.file.starts + _CHECKPOINT_STARTS) * self.workspace.episode_seconds
 
     def _write(self, name: str, steps: int, seconds: float, checkpoints: int, patience: int | None = None) -> None:
         """Write a budget of about so many steps, which should take so many seconds."""
@@ -311,7 +316,7 @@ class Trainer:
             self.say("too little time is left to train again with fresh seeds")
             return []
         if FINAL not in self.workspace.task.file.budgets:
-            apart, each = cost(winner)
+            apart, each = cost(winner, self._scoring)
             turns = -(-len(FINAL_SEEDS) // self._at_once)
             if self._left / turns < enough:
                 turns = 1  # one seed for all of the time
@@ -372,7 +377,7 @@ class Trainer:
         """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""
         if budget in self.workspace.task.file.budgets:
             return True  # a solve that was stopped has written it
-        apart, each = cost(best)
+        apart, each = cost(best, self._scoring)
         assert best.measurement is not None
         if self._left < 2 * (apart + tries.least(self.workspace.task) * each):
             return False
@@ -389,12 +394,3 @@ def _satisfies(result: Result) -> bool:
 def _score(result: Result) -> str:
     satisfaction, robustness = rank(result)
     return f"best so far {100 * satisfaction:.0f} %, robustness {robustness:.3g}"
-
-
-def _waves(count: int, jobs: int) -> list[int]:
-    """For each rung, how many of its cells run one after another."""
-    waves = []
-    while count > 1:
-        waves.append(-(-count // jobs))
-        count = -(-count // 2)
-    return waves

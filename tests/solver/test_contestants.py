@@ -23,6 +23,7 @@ from stlbench.solver.contestants import (
     better_half,
     by_second_recipe,
     contestants,
+    cost,
     gains,
     rank,
 )
@@ -85,6 +86,13 @@ def test_who_races_by_a_second_recipe() -> None:
         build_agent(automatic(task, "td3"), "td3"), copies=32, gradient_steps=8
     )
     assert by_second_recipe(racing, load_task("zones")) == racing  # states of a system can be set
+
+
+def test_the_cost_of_a_cell_is_that_apart_from_its_checkpoints_and_that_of_a_step() -> None:
+    measured = SimpleNamespace(wall_seconds=30.0, training_wall_seconds=10.0, env_steps=20_000, curve=[None] * 10)
+    result = cast(Result, SimpleNamespace(measurement=measured))
+    assert cost(result, 1.5) == (5.0, 0.0005)
+    assert cost(result, 3.0)[0] == 0.0  # they took less than was planned for them
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
