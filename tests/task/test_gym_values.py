@@ -161,6 +161,13 @@ def test_an_environment_without_a_choice_of_actions_is_refused(load: Callable[..
         load(action_space=space)
 
 
+def test_actions_without_ends_get_them_in_the_task_file(load: Callable[..., Task]) -> None:
+    with pytest.raises(UsageError, match="have no ends; `actions` in a task file gives each its low and high"):
+        load(action_space="Box(-np.inf, np.inf)")
+    declared = {"a": {"low": -1, "high": 2}}
+    assert load(action_space="Box(-np.inf, np.inf)", actions=declared).actions == ActionBox(("a",), (-1.0,), (2.0,))
+
+
 def test_an_axis_of_one_value_stands_beside_others(load: Callable[..., Task]) -> None:
     assert load(action_space="MultiDiscrete([3, 1])").actions == ActionGrid(
         ("action_0", "action_1"), ((0.0, 1.0, 2.0), (0.0,))
