@@ -194,7 +194,9 @@ def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> N
         if all(axis.low == axis.high for axis in axes):
             raise UsageError("actions: the environment has none, or one value for each: there is nothing to choose")
         if not all(math.isfinite(axis.high - axis.low) for axis in axes):
-            raise UsageError("actions: those of the environment have no ends; `actions` in a task file gives each its low and high")
+            raise UsageError(
+                "actions: those of the environment have no ends; `actions` in a task file gives each its low and high"
+            )
         return
     if len(declared) != len(axes):
         raise UsageError(f"actions: {len(declared)} are declared, the environment has {len(axes)}")

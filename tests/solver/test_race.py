@@ -275,8 +275,8 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
     assert searcher(past.task, past.unscheduled[:1]) is None
 
 
-def test_a_search_needs_eight_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
-    for numbers, searched in ((200, True), (300, False)):
+def test_a_search_needs_thirty_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    for numbers, searched in ((50, True), (75, False)):
         played = Played(monkeypatch, {})
         monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.06)  # 2000 in a fifth
         monkeypatch.setattr("stlbench.solver.race.gains", lambda contestant, numbers=numbers: numbers)
