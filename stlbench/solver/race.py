@@ -45,8 +45,7 @@ from stlbench.task.build import INIT
 
 _RUNG_RATIO = 3  # seconds of a rung, over those of the one before
 FINAL_SEEDS = (200, 201)
-_APART = 1000
-"""The distance of the seeds of one try from those of the next."""
+_APART = 1000  # the distance of the seeds of one try from those of the next
 _DELIVERY_SHARE = 0.2
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
 _PROBE_SHARE = 0.1
@@ -54,8 +53,7 @@ _PROBE_SHARE = 0.1
 _SUM_SHARE, _SUM_MINUTES = 0.2, 10.0
 """The share of the time for a training by an agent without a discount; half as much for one that follows windows. It is
 a share of at most so many minutes: on 30 nested formulas none that found a policy had taken 40 s."""
-_PLAYED = "witness.npz"
-"""The policy that plays the witness."""
+_PLAYED = "witness.npz"  # the policy that plays the witness
 _LEAST_SUM_EPISODES, _GAIN_EPISODES = 1000, 30
 """Episodes of such a training, at least, and those for each number of a linear policy: fewer seldom teach it. Of 96
 runs of `cma-es` on drawn tasks 30 learned, and 23 of them after 30 episodes or more for each number."""
@@ -70,19 +68,15 @@ _PROMISING_SHARE = 0.5
 race ends, and it trains on."""
 _FIRST_RUNG_EPISODES = 100
 """Episodes of the first rung. If the time does not suffice for so many, fewer methods race."""
-_MOST_WINNER_STEPS = 4
-"""The final training has at most so many times the steps of a winner that satisfied from all starts."""
+_MOST_WINNER_STEPS = 4  # the final training has at most so many times those of a winner that satisfied from all starts
 _FRESH_SEEDS_SECONDS = 1.5
 """Fresh seeds train where they have so many times the seconds of the winner, the second one where both have."""
 _LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
 _SIDE_BY_SIDE = 2  # trainings that go on
-_OTHER_SPEED = 2
-"""By another recipe than that of the probe a rung has at most so many times the steps. Its seconds end it."""
-_OVERTIME = 1.15
-"""A training that is slower than planned ends after so many times the seconds that were planned."""
-_HANGING_SECONDS = 600.0
-"""Seconds that a training may take beyond three times its own. Only one that hangs takes longer, and is stopped."""
+_OTHER_SPEED = 2  # by another recipe than that of the probe a rung has at most so many times the steps; seconds end it
+_OVERTIME = 1.15  # a training that is slower than planned ends after so many times the seconds planned
+_HANGING_SECONDS = 600.0  # beyond three times its own, a training may take so many; only one that hangs takes longer
 
 
 @dataclass
@@ -351,6 +345,8 @@ class Trainer:
             if not seen.can_rise or not self._plan_more(f"{MORE}{turn}", best):
                 break
             contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _SIDE_BY_SIDE * (turn - 1)
+            assert best.measurement is not None
+            onward = onward or self._left < _FRESH_SEEDS_SECONDS * best.measurement.wall_seconds
             init = self._policy_of(best) if onward and resumes(contestant.agent) else None
             begun = "fresh networks" if self.start is None else "the earlier solution"
             how = begun if init is None else "the best policy"
@@ -359,7 +355,7 @@ class Trainer:
             rose = False
             for result in self.train(f"{MORE}{turn}", [contestant], seeds, lambda result: False, init):
                 now = seen if result.measurement is None else self._outlook(result)
-                if (now.share, rank(result)) > (seen.share, rank(best)):
+                if self._share(result, now) > self._share(best, seen):
                     others.append(best)
                     best, seen, rose = result, now, True
                 else:
@@ -367,6 +363,12 @@ class Trainer:
             onward = onward == rose
         self.workspace.remember(chosen=best.key)
         return [best, *others]
+
+    def _share(self, result: Result, seen: Outlook) -> tuple[float, float]:
+        """The share that satisfies of the further starts and those for selection together, then the robustness."""
+        share, robustness = rank(result)
+        starts = self.workspace.task.file.starts
+        return (seen.satisfied + starts * share) / (seen.starts + starts), robustness
 
     def _outlook(self, result: Result) -> Outlook:
         starts = int(np.clip(_LOOK_SHARE * 60 * self.clock.minutes / self.workspace.episode_seconds, *_LOOK_STARTS))
