@@ -33,6 +33,9 @@ from stlbench_agents.cma_es import CMAES
 class Played:
     """Stands for `run_study`: each cell takes a minute of a made-up clock, and satisfies from the share of its seed."""
 
+    wall, trained, most = 2.0, 1.0, 6000
+    """Seconds of a cell and of its training, and its steps, as it says."""
+
     def __init__(self, monkeypatch: pytest.MonkeyPatch, shares: dict[tuple[str, int], float]) -> None:
         self.shares, self.cells, self.now = shares, list[tuple[str, str, str, int]](), 0.0
         self.inits = list[Any]()
@@ -60,16 +63,21 @@ class Played:
         measured = SimpleNamespace(
             selection=SimpleNamespace(satisfaction=share, robustness_mean=share),
             curve=[SimpleNamespace(satisfaction=self.last.get((method, seed), share))],
-            wall_seconds=2.0,
-            training_wall_seconds=1.0,
-            env_steps=self.steps.get(method, 6000),
+            wall_seconds=self.wall,
+            training_wall_seconds=self.trained,
+            env_steps=self.steps.get(method, self.most),
         )
         return cast(Result, SimpleNamespace(id=cell, measurement=measured, key=f"{method}-{seed}"))
 
 
-def gone_on(monkeypatch: pytest.MonkeyPatch, satisfied: dict[int, int], lost: int = 0) -> tuple[Played, list[int]]:
+def gone_on(
+    monkeypatch: pytest.MonkeyPatch,
+    satisfied: dict[int, int],
+    lost: int = 0,
+    shares: dict[tuple[str, int], float] | None = None,
+) -> tuple[Played, list[int]]:
     """Ten minutes from a policy of seed 200 on, where each seed satisfies from so many of 100 further starts."""
-    played = Played(monkeypatch, {})
+    played = Played(monkeypatch, shares or {})
     monkeypatch.setattr(
         "stlbench.solver.race.outlook",
         lambda folder, result, starts: Outlook(100, satisfied.get(result.id.seed, 50), lost),
@@ -103,6 +111,25 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
     assert seeds[0] == 206
     assert [init is None for init in played.inits[1:4]] == [False, True, False]
     assert played.now <= 480  # the rest is for the delivery
+
+
+def test_fresh_networks_are_trained_only_if_they_have_more_time_than_the_best_policy_had(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, value in {"wall": 400.0, "trained": 399.0, "most": 60_000}.items():
+        monkeypatch.setattr(Played, name, value)
+    played, seeds = gone_on(monkeypatch, {200: 90, 202: 80, 204: 85, 206: 92})
+    assert seeds[0] == 206
+    assert [init is None for init in played.inits[1:4]] == [False, False, False]
+
+
+def test_further_starts_and_those_for_selection_tell_together_which_policy_is_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    satisfied = {200: 90, 202: 89, **dict.fromkeys(range(204, 230), 50)}
+    assert gone_on(monkeypatch, satisfied)[1][0] == 200
+    shutil.rmtree("out")
+    assert gone_on(monkeypatch, satisfied, shares={("raw", 202): 0.5})[1][0] == 202  # 0.4 of 64 starts, and 0.5
 
 
 def test_what_the_next_training_begins_with_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
