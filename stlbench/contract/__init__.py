@@ -54,7 +54,8 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `System.initial_states`, `features`, `controller` | other coordinates, more to see than the state, reference scores |
 | `System.scaled_state` | states that are far from 1 |
 | `GymTask`, `WorldTask`, `World` | environments of Gymnasium, simulations in C++ or on a GPU |
-| `RewardMethod.preference`, `Agent.preference`, `recipe` | those to take where none is named; the track `auto` |
+| `RewardMethod.preference`, `Agent.preference` | those to take where none is named |
+| `Agent.recipe`, `second_recipe` | the track `auto`; the race of `solve` |
 | `Agent.search_space`, `cost` | agents for `stlbench tune`, agents to which inputs are dear |
 | `Agent.restore`, `Policy.arrays`, `Policy.onnx` | policies that are stored and exported |
 | `Agent.uncompiled`, `preload` | agents that compile code or load large libraries |
