@@ -211,7 +211,7 @@ class Trainer:
         task = self.workspace.task
         checkpoints, seconds = self._training(share * 60 * min(self.clock.minutes, _SUM_MINUTES), 0.0)
         # its speed is not known; it is at most that of the simulation, and the seconds end it
-        episodes = seconds / self.workspace.episode_seconds
+        episodes = seconds / (self.workspace.episode_seconds + self.workspace.copy_seconds)  # a copy plays few of them
         if episodes < _LEAST_SUM_EPISODES or (contestant := searcher(task, choices)) is None:
             return best
         init = None if course is None else playing(contestant, course, self.workspace.folder / _PLAYED)

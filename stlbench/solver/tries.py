@@ -155,6 +155,13 @@ def is_repeatable(task: Task) -> bool:
     return np.array_equal(first, second, equal_nan=True)
 
 
+def copy_seconds(task: Task) -> float:
+    """The seconds to make a copy of the simulation, measured before any is there."""
+    began = time.perf_counter()
+    BatchEnvironment(task, Unpaid(task.specification), FEWEST, seed=0)
+    return (time.perf_counter() - began) / FEWEST
+
+
 def episode_seconds(task: Task) -> float:
     """The seconds of an episode that lasts to the end, one of several side by side."""
     environment = BatchEnvironment(task, Unpaid(task.specification), FEWEST, seed=0)

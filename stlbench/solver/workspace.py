@@ -59,6 +59,8 @@ class Workspace:
     folder: Path
     episode_seconds: float
     """The time to simulate an episode that does not end early, without training."""
+    copy_seconds: float = 0.0
+    """The time to make a copy of the simulation."""
 
     @property
     def task(self) -> Task:
@@ -186,7 +188,7 @@ def workspace_of(
             raise UsageError(f"{folder} has another problem, {_shown(state['problem'])}; name another folder")
         _refuse_other_code(problem, home)
         named_tasks.know(home, instead=True)
-        return Workspace(folder, state["episode_seconds"])
+        return Workspace(folder, state["episode_seconds"], state["copy_seconds"])
     if home.exists():
         raise UsageError(
             f"{home} is there, and `stlbench solve` has not finished it; remove it, or name another folder"
@@ -197,7 +199,7 @@ def workspace_of(
         shutil.rmtree(home, ignore_errors=True)
         raise
     write(asked, json.dumps(state, indent=1))
-    return Workspace(folder, state["episode_seconds"])
+    return Workspace(folder, state["episode_seconds"], state["copy_seconds"])
 
 
 def is_of(problem: Problem, folder: Path) -> bool:
@@ -212,6 +214,7 @@ class _State(BaseModel):
     notes: tuple[str, ...]
     doubts: tuple[str, ...] = ()
     episode_seconds: Positive
+    copy_seconds: Positive = 1e-9  # that of earlier programs, which did not measure it
     repeatable: bool = True
     searched: bool = False
     minutes: float | None = None
@@ -267,7 +270,7 @@ def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str],
         write(home / name, code)
     named_tasks.know(home, instead=True)
     task = load_task(TASK)
-    episode = tries.episode_seconds(task)
+    copy, episode = tries.copy_seconds(task), tries.episode_seconds(task)
     tries.check_speed(task, episode, seconds / 60, say)
     tries.try_at_random(task)
     if isinstance(task.dynamics, GymTask):  # each copy is stepped by itself, which may take long
@@ -290,7 +293,8 @@ def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str],
     notes, doubts = [*tries.notes(task, found, random, repeatable)], [*tries.doubts(task)]
     if task.file.notes:  # the seconds of a step
         notes.insert(0, task.file.notes)
-    return {"notes": notes, "doubts": doubts, "episode_seconds": episode, "repeatable": repeatable}
+    measured = {"episode_seconds": episode, "copy_seconds": copy, "repeatable": repeatable}
+    return {"notes": notes, "doubts": doubts} | measured
 
 
 def _probe(steps: int) -> dict[str, Any]:

@@ -302,6 +302,15 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
     assert searcher(past.task, past.unscheduled[:1]) is None
 
 
+def test_a_search_is_left_out_where_its_copies_take_long_to_make(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seconds, searched in ((0.0, True), (0.3, False)):
+        played = Played(monkeypatch, {})
+        monkeypatch.setattr("stlbench.solver.workspace.tries.copy_seconds", lambda task, seconds=seconds: seconds)
+        raced(10.0)
+        assert ("search" in {cell[0] for cell in played.cells}) == searched
+        shutil.rmtree("out")
+
+
 def test_a_search_needs_thirty_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     for numbers, searched in ((50, True), (75, False)):
         played = Played(monkeypatch, {})
