@@ -248,10 +248,10 @@ class Trainer:
                 f"about {tries.least_minutes(self.workspace.task, each):.2g} minutes are needed"
             )
         count = len(racing)
-        shared = min(given, self._left / 2)  # the winner needs at least as much to train on
         most = 1 if racing[0].agent == str(probe.id.agent) else _OTHER_SPEED
         while count > 1:
             rungs = waves(count, self._at_once)
+            shared = self._left if len(rungs) == 1 else min(given, self._left / 2)  # one rung is the final training
             first = shared / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(rungs))
             checkpoints, seconds = self._training(first, apart)
             if seconds >= _FIRST_RUNG_EPISODES * steps * each and first >= 2 * apart:

@@ -303,7 +303,7 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
 
 
 def test_a_search_is_left_out_where_its_copies_take_long_to_make(monkeypatch: pytest.MonkeyPatch) -> None:
-    for seconds, searched in ((0.0, True), (0.3, False)):
+    for seconds, searched in ((0.001, True), (0.3, False)):
         played = Played(monkeypatch, {})
         monkeypatch.setattr("stlbench.solver.workspace.tries.copy_seconds", lambda task, seconds=seconds: seconds)
         raced(10.0)
@@ -375,15 +375,24 @@ def test_fresh_seeds_train_only_where_they_have_more_time_than_the_winner(
     assert [result.id.seed for result in trained] == seeds
 
 
-def test_a_race_has_at_most_half_of_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    seconds = []
-    for spent in (0.0, 72.0):  # of 144 until the delivery
+def test_a_race_of_one_rung_has_all_of_the_time_that_is_left_and_another_at_most_half(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    planned = dict[tuple[int, float], float]()
+    for racing, spent in product((2, 4), (0.0, 72.0)):  # of 144 until the delivery
         played = Played(monkeypatch, {})
-        workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(f"out-{spent:g}"))
+        workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(f"out-{racing}-{spent:g}"))
         workspace.begin(3.0)
         trainer = Trainer(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=1)
         (probe,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
         played.now = spent
-        assert trainer._plan([Contestant("raw", "dqn"), Contestant("tltl", "dqn")], probe) == 2
-        seconds.append(workspace.task.budget("rung-1").seconds or 0.0)
-    assert seconds[1] < 0.55 * seconds[0]  # the scoring of checkpoints takes some of it
+        who = [Contestant(method, "dqn") for method in ("raw", "tltl", "dense", "flag")[:racing]]
+        assert trainer._plan(who, probe) == racing
+        budgets = workspace.task.file.budgets
+        turns = {2: (2,), 4: (4, 2)}[racing]
+        seconds = [budgets[f"rung-{rung}"].seconds or 0.0 for rung, _ in enumerate(turns, 1)]
+        planned[racing, spent] = sum(map(float.__mul__, seconds, map(float, turns)))
+    assert planned[2, 0.0] == pytest.approx(1.15 * 144, rel=0.05)  # but what a cell and its scores cost
+    assert planned[2, 72.0] == pytest.approx(1.15 * 72, rel=0.1)
+    assert planned[4, 0.0] == pytest.approx(1.15 * 72, rel=0.15)
+    assert planned[4, 72.0] == pytest.approx(1.15 * 36, abs=1.15 * 10)  # six cells cost a second each, and scores
