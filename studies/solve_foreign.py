@@ -1,4 +1,4 @@
-"""`stlbench solve` as a new user types it, on environments that were not used while it was written.
+"""`stlbench solve` on other people's environments, as a new user types it.
 
 python studies/solve_foreign.py [--seeds N] [NAME ...]    run those tries, 0 to N - 1, that have no row yet
 
@@ -90,17 +90,17 @@ def page() -> str:
     for name in PROBLEMS:
         if runs := [row for row in rows(ROWS) if row["environment"] == name]:
             formula, idle = runs[0]["formula"].replace("|", "\\|"), runs[0][IDLE]
-            shares = [f"{100 * _share(row):.1f}".removesuffix(".0") for row in runs]
+            shares = [_share(row) for row in runs]
             certified = sum(float(row["low"] or 0) >= WANTED for row in runs)
             cells = [f"`{name}`", f"`{formula}`", f"{idle} %" if idle else "unknown"]
-            cells += [f"{median(float(row[WALL]) for row in runs) / 60:.1f}", f"{', '.join(shares)} %"]
+            cells += [f"{median(float(row[WALL]) for row in runs) / 60:.1f}", ", ".join(shares)]
             lines.append(f"| {' | '.join([*cells, f'{certified} of {len(runs)}', runs[0]['remark']])} |")
     return "\n".join(lines)
 
 
-def _share(row: dict[str, str]) -> float:
+def _share(row: dict[str, str]) -> str:
     satisfied, _, starts = row["satisfied"].partition(" of ")
-    return int(satisfied) / int(starts) if starts else 0.0
+    return f"{100 * int(satisfied) / int(starts):.1f}".removesuffix(".0") + " %" if starts else "refused"
 
 
 def measured(name: str, arguments: list[str], folder: Path, minutes: float, alone: bool = False) -> dict[str, str]:

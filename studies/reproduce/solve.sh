@@ -1,4 +1,4 @@
-# `stlbench solve` on environments that it had not seen, and beside Stable-Baselines3
+# `stlbench solve` on other people's environments, and beside Stable-Baselines3
 # CPU time: 2.5 hours
 # Makes: solve-foreign solve-nested solve-race
 python studies/solve_foreign.py
