@@ -190,9 +190,16 @@ def by_second_recipe(racing: Sequence[Contestant], task: Task) -> tuple[Contesta
     """
     if isinstance(task.dynamics, System):
         return tuple(racing)
-    recipes = {each.agent: _class_of(each.agent).second_recipe for each in racing}
-    texts = {agent: [(name, str(value)) for name, value in recipes[agent].items()] for agent in recipes}
-    return tuple(replace(each, agent=str(Choice(each.agent, tuple(texts[each.agent])))) for each in racing)
+    return tuple(replace(each, agent=_with_second_recipe(each.agent)) for each in racing)
+
+
+def _with_second_recipe(agent: str) -> str:
+    try:
+        entries = tuple((name, str(value)) for name, value in _class_of(agent).second_recipe.items())
+        return str(parse_choice(str(Choice(agent, entries))))
+    except (AttributeError, TypeError, UsageError, ValueError) as error:
+        rule = "its second_recipe should have parameters, and numbers or words as values"
+        raise plugins.find("agents", agent).error(f"{rule}: {one_line(error)}") from error
 
 
 def _reasons(task: Task) -> Iterator[str]:

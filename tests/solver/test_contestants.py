@@ -31,6 +31,7 @@ from stlbench.solver.problem import Problem
 from stlbench.solver.workspace import TASK, workspace_of
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.tracks.auto import automatic
+from stlbench_agents.td3 import TD3
 
 
 def test_a_linear_policy_has_a_number_for_each_axis_and_entry() -> None:
@@ -86,6 +87,14 @@ def test_who_races_by_a_second_recipe() -> None:
         build_agent(automatic(task, "td3"), "td3"), copies=32, gradient_steps=8
     )
     assert by_second_recipe(racing, load_task("zones")) == racing  # states of a system can be set
+
+
+@pytest.mark.parametrize("entries", [3, {"copies": [1, 2]}, [("copies", 3, 4)], {"a b": 1}])
+def test_a_wrong_second_recipe_is_told_with_its_agent(monkeypatch: pytest.MonkeyPatch, entries: object) -> None:
+    task = workspace_of(Problem("Pendulum-v1", "F[0,50] x >= 0.9"), Path("out")).task
+    monkeypatch.setattr(TD3, "second_recipe", entries)
+    with pytest.raises(UsageError, match=r"td3.*its second_recipe should have parameters, and numbers or words as"):
+        by_second_recipe([Contestant("raw", "td3")], task)
 
 
 def test_the_cost_of_a_cell_is_that_apart_from_its_checkpoints_and_that_of_a_step() -> None:
