@@ -18,13 +18,14 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.simulation.environment import BatchEnvironment
 from stlbench.solver.workspace import TASK, UNSCHEDULED
-from stlbench.study.cell import own_agent_on
+from stlbench.study.cell import on_track, own_agent_on
 from stlbench.task import Task, build_agent, build_method, fitting_methods, load_task
 from stlbench.task.build import INIT, aim_of, in_turn
 from stlbench.task.task import agents_for
 from stlbench.tracks.auto import automatic, scheduled
 
 _MOST = 4  # contestants
+_FRESH_RATIO = 1.5  # seconds of a training by fresh seeds, over those of the winner, at least
 _LONG = 20
 """A second agent races too if there are at least so many minutes."""
 
@@ -48,6 +49,12 @@ def cost(result: Result, scoring: float) -> tuple[float, float]:
     return max(0.0, apart), measured.training_wall_seconds / measured.env_steps
 
 
+def enough_afresh(result: Result) -> float:
+    """Seconds in which fresh seeds may learn more than a result did. A second seed trains where both have so many."""
+    assert result.measurement is not None
+    return _FRESH_RATIO * result.measurement.wall_seconds
+
+
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:
     """Results of the final training and of the race. Those of the final training come first where shares are equal."""
     trained = [*sorted(finals, key=rank, reverse=True), *sorted(race, key=rank, reverse=True)]
@@ -67,6 +74,11 @@ class Contestant:
     def of(cls, result: Result) -> Contestant:
         """The contestant that trained."""
         return cls(str(result.id.method), str(result.id.agent.without(INIT)), result.id.task)
+
+    @property
+    def helped(self) -> Task:
+        """The task with the help of the rules for its agent."""
+        return on_track(load_task(self.task), parse_choice(self.agent), "auto")
 
     def beside(self, first: Contestant) -> str:
         """Its name, with the agent if the first contestant has another."""
@@ -163,7 +175,7 @@ def gains(contestant: Contestant) -> int:
 
 def _environment_of(contestant: Contestant) -> tuple[Task, BatchEnvironment]:
     """A contestant's task, and one copy of its environment."""
-    task = automatic(load_task(contestant.task), contestant.agent)
+    task = contestant.helped
     return task, BatchEnvironment(task, build_method(task, contestant.method), 1, seed=0)
 
 

@@ -9,14 +9,12 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError, one_line
 from stlbench.records.observation import Observation
 from stlbench.records.result_files import cell_files
-from stlbench.registry.choices import parse_choice
 from stlbench.simulation.worlds import observation_of
 from stlbench.solver.contestants import Contestant, again
 from stlbench.solver.solution import FILE, cells_of, certificate_of
 from stlbench.study.initial import Initial, read, refuse_other
 from stlbench.study.results import Results
-from stlbench.task import Task, build_agent, build_method, load_task
-from stlbench.tracks.auto import automatic
+from stlbench.task import Task, build_agent, build_method
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class EarlierPolicy:
     def check(self, task: Task) -> None:
         """Raises `UsageError` where trainings on a task cannot start from it."""
         method, agent = self.trained_by.method, self.trained_by.agent
-        helped = automatic(load_task(again(self.trained_by, task).task), parse_choice(agent).name)
+        helped = again(self.trained_by, task).helped
         try:
             shown = observation_of(helped, build_method(helped, method), method)
             refuse_other(read(self.path), build_agent(helped, agent), agent, helped)

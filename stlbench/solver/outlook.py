@@ -25,11 +25,6 @@ class Outlook(NamedTuple):
     """Starts whose first sample violates the formula, whatever follows."""
 
     @property
-    def share(self) -> float:
-        """That satisfies, in [0, 1]."""
-        return self.satisfied / self.starts
-
-    @property
     def can_rise(self) -> bool:
         """Whether another policy may satisfy from more starts."""
         return self.satisfied + self.lost < self.starts

@@ -27,6 +27,7 @@ from stlbench.solver.contestants import (
     by_second_recipe,
     contestants,
     cost,
+    enough_afresh,
     gains,
     playing,
     rank,
@@ -69,8 +70,6 @@ race ends, and it trains on."""
 _FIRST_RUNG_EPISODES = 100
 """Episodes of the first rung. If the time does not suffice for so many, fewer methods race."""
 _MOST_WINNER_STEPS = 4  # the final training has at most so many times those of a winner that satisfied from all starts
-_FRESH_SEEDS_SECONDS = 1.5
-"""Fresh seeds train where they have so many times the seconds of the winner, the second one where both have."""
 _LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
 _SIDE_BY_SIDE = 2  # trainings that go on
@@ -307,7 +306,7 @@ class Trainer:
         There is none where the time before the delivery is too short: a fresh seed would learn less than the winner.
         """
         assert winner.measurement is not None
-        enough = _FRESH_SEEDS_SECONDS * winner.measurement.wall_seconds
+        enough = enough_afresh(winner)
         if self._left < enough and not self._done(FINAL):
             self.say("too little time is left to train again with fresh seeds")
             return []
@@ -345,8 +344,7 @@ class Trainer:
             if not seen.can_rise or not self._plan_more(f"{MORE}{turn}", best):
                 break
             contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _SIDE_BY_SIDE * (turn - 1)
-            assert best.measurement is not None
-            onward = onward or self._left < _FRESH_SEEDS_SECONDS * best.measurement.wall_seconds
+            onward = onward or self._left < enough_afresh(best)
             init = self._policy_of(best) if onward and resumes(contestant.agent) else None
             begun = "fresh networks" if self.start is None else "the earlier solution"
             how = begun if init is None else "the best policy"

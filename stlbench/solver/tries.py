@@ -155,21 +155,17 @@ def is_repeatable(task: Task) -> bool:
     return np.array_equal(first, second, equal_nan=True)
 
 
-def copy_seconds(task: Task) -> float:
-    """The seconds to make a copy of the simulation, measured before any is there."""
-    began = time.perf_counter()
-    BatchEnvironment(task, Unpaid(task.specification), FEWEST, seed=0)
-    return (time.perf_counter() - began) / FEWEST
-
-
-def episode_seconds(task: Task) -> float:
-    """The seconds of an episode that lasts to the end, one of several side by side."""
+def simulation_seconds(task: Task) -> tuple[float, float]:
+    """The seconds to make a copy of the simulation, and those of an episode that lasts to the end, one of several side
+    by side. Copies stay, so only the first call says what making them takes."""
+    making = time.perf_counter()
     environment = BatchEnvironment(task, Unpaid(task.specification), FEWEST, seed=0)
     policy, nothing = baselines.AtRandom(task), np.empty((FEWEST, 0))
     began = time.perf_counter()
     while environment.taken < FEWEST * task.file.steps and time.perf_counter() - began < _SPEED_SECONDS:
         environment.step(policy.act(nothing))
-    return (time.perf_counter() - began) * task.file.steps / environment.taken
+    lasted = time.perf_counter() - began
+    return (began - making) / FEWEST, lasted * task.file.steps / environment.taken
 
 
 def _is_flag(task: Task, name: str) -> bool:

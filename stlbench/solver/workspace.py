@@ -59,7 +59,7 @@ class Workspace:
     folder: Path
     episode_seconds: float
     """The time to simulate an episode that does not end early, without training."""
-    copy_seconds: float = 0.0
+    copy_seconds: float
     """The time to make a copy of the simulation."""
 
     @property
@@ -214,7 +214,7 @@ class _State(BaseModel):
     notes: tuple[str, ...]
     doubts: tuple[str, ...] = ()
     episode_seconds: Positive
-    copy_seconds: Positive = 1e-9  # that of earlier programs, which did not measure it
+    copy_seconds: Annotated[Finite, Field(ge=0)] = 0.0  # earlier programs did not measure it
     repeatable: bool = True
     searched: bool = False
     minutes: float | None = None
@@ -270,7 +270,7 @@ def _prepared(problem: Problem, home: Path, seconds: float, say: Callable[[str],
         write(home / name, code)
     named_tasks.know(home, instead=True)
     task = load_task(TASK)
-    copy, episode = tries.copy_seconds(task), tries.episode_seconds(task)
+    copy, episode = tries.simulation_seconds(task)
     tries.check_speed(task, episode, seconds / 60, say)
     tries.try_at_random(task)
     if isinstance(task.dynamics, GymTask):  # each copy is stepped by itself, which may take long

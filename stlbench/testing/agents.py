@@ -157,23 +157,26 @@ def _check_search_space(agent: contract.Agent, rules: Rules) -> None:
         rules.keep(name == _HOLD or name in known, "search_space names parameters of the agent, and hold", name)
         rules.keep(len(values) > 0, "search_space has values for each parameter", f"none for {name}")
         for value in () if name == _HOLD else values:
-            rules.keep(_fits(known, name, value), "values of search_space are of their type", f"{name} = {value!r}")
+            rules.keep(
+                _fits(known, name, {name: value}), "values of search_space are of their type", f"{name} = {value!r}"
+            )
 
 
 def _check_recipe(agent: contract.Agent, rules: Rules) -> None:
     known = choices.declared(type(agent))
     rule = "recipe has parameters of the agent, with values of their types"
     for name, value in agent.recipe.items():
-        rules.keep(name in known and _fits(known, name, value), rule, f"{name} = {value!r}")
+        rules.keep(name in known and _fits(known, name, {name: value}), rule, f"{name} = {value!r}")
     for name, value in agent.second_recipe.items():  # a part of the name of the agent in a race
-        fits = name in known and _fits(known, name, as_text=str(value))
+        fits = name in known and _fits(known, name, {}, ((name, str(value)),))
         rules.keep(fits, f"second_{rule}", f"{name} = {value!r}")
 
 
-def _fits(known: dict[str, choices.Parameter], name: str, value: object = None, as_text: str | None = None) -> bool:
-    choice = Choice("agent", () if as_text is None else ((name, as_text),))
+def _fits(
+    known: dict[str, choices.Parameter], name: str, recipe: dict[str, object], chosen: tuple[tuple[str, str], ...] = ()
+) -> bool:
     try:
-        choices.check({name: known[name]}, choice, {name: value} if as_text is None else {})
+        choices.check({name: known[name]}, Choice("agent", chosen), recipe)
     except UsageError:
         return False
     return True

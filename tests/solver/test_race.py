@@ -294,7 +294,7 @@ def test_a_witness_that_is_none_is_refused(text: str) -> None:
 
 def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(monkeypatch, {})
-    monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.3)
+    monkeypatch.setattr("stlbench.solver.workspace.tries.simulation_seconds", lambda task: (0.0, 0.3))
     raced(10.0)  # a fifth of them is 120 s, for 400 episodes
     assert "search" not in {cell[0] for cell in played.cells}
     past = workspace_of(Problem("CartPole-v1", "F[0,20] (x > 0 S theta > 0)"), Path("past"))
@@ -305,7 +305,7 @@ def test_a_search_needs_episodes_and_a_schedule_where_no_method_fits(monkeypatch
 def test_a_search_is_left_out_where_its_copies_take_long_to_make(monkeypatch: pytest.MonkeyPatch) -> None:
     for seconds, searched in ((0.001, True), (0.3, False)):
         played = Played(monkeypatch, {})
-        monkeypatch.setattr("stlbench.solver.workspace.tries.copy_seconds", lambda task, seconds=seconds: seconds)
+        monkeypatch.setattr("stlbench.solver.workspace.tries.simulation_seconds", lambda task, at=seconds: (at, 0.001))
         raced(10.0)
         assert ("search" in {cell[0] for cell in played.cells}) == searched
         shutil.rmtree("out")
@@ -314,7 +314,9 @@ def test_a_search_is_left_out_where_its_copies_take_long_to_make(monkeypatch: py
 def test_a_search_needs_thirty_episodes_for_each_number_of_a_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     for numbers, searched in ((50, True), (75, False)):
         played = Played(monkeypatch, {})
-        monkeypatch.setattr("stlbench.solver.workspace.tries.episode_seconds", lambda task: 0.06)  # 2000 in a fifth
+        monkeypatch.setattr(
+            "stlbench.solver.workspace.tries.simulation_seconds", lambda task: (0.0, 0.06)
+        )  # 2000 in a fifth
         monkeypatch.setattr("stlbench.solver.race.gains", lambda contestant, numbers=numbers: numbers)
         raced(10.0)
         assert ("search" in {cell[0] for cell in played.cells}) == searched
