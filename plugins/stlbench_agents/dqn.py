@@ -126,6 +126,12 @@ class _Trainee:
         self._learner.resume(policy)
         self._most = _RESUMED
 
+    def go_on(self, earlier: Arrays) -> bool:
+        return False
+
+    def kept(self) -> Arrays:
+        return {}
+
     def act(self, observation: Array) -> Integers:
         epsilon = min(self._most, self._recipe.exploration(self._done / self._rounds))
         self._done += 1

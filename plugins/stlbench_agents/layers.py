@@ -239,6 +239,15 @@ class Weights(NamedTuple):
     def of(flat: Floats) -> Weights:
         return Weights(*(aligned(flat) for _ in range(3)), *(zeros(flat.shape, flat.dtype) for _ in range(3)))
 
+    def kept(self) -> Floats:
+        """All but the gradient, (5, size), for `again`."""
+        return np.stack([self.online, self.target, self.average, self.mean, self.square])
+
+    @staticmethod
+    def again(kept: Floats) -> Weights:
+        online, target, average, mean, square = map(aligned, kept)
+        return Weights(online, target, average, zeros(online.shape, online.dtype), mean, square)
+
 
 def decay(first: float, last: float, updates: int) -> float:
     """The factor from one update's learning rate to the next, if it falls geometrically over so many updates."""

@@ -7,13 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import Array, Event, Integers, Transition
+from stlbench.contract import Array, Arrays, Event, Integers, Transition
 from stlbench_agents.kernels import compiled, flattened, inlined
 from stlbench_agents.layers import zeros
 
 Single = NDArray[np.float32]
 
 _STOP, _END = 1, 2  # a return stops after the transition: it bootstraps, or nothing follows
+_KEPT = 50_000
+"""Transitions that a later training gets, at most: 43 MB for 105 inputs."""
+_STORED = ("observation", "arrived", "action", "reward", "after")
 
 
 class Batch(NamedTuple):
@@ -122,6 +125,23 @@ class Replay:
         """Widen the bounds of values by rewards (N,): a value is a weighted mean of rewards."""
         rewards, bounds = reward.tolist(), self.memory.bounds  # faster than NumPy's minimum and maximum of few numbers
         bounds[0], bounds[1] = min(bounds[0], self._scale * min(rewards)), max(bounds[1], self._scale * max(rewards))
+
+    def kept(self) -> Arrays:
+        """The newest transitions, the oldest first, for `refill`."""
+        rows = min(self.count, self._rows, _KEPT // self._copies)
+        steps = np.arange(self.count - rows, self.count) % self._rows
+        places = (steps[:, None] * self._copies + np.arange(self._copies)).ravel()
+        return {name: getattr(self.memory, name)[places] for name in _STORED} | {"bounds": self.memory.bounds}
+
+    def refill(self, kept: Arrays) -> None:
+        """Begin with the transitions of another replay of the same copies, returns and weights."""
+        rows = min(len(kept["reward"]) // self._copies, self._rows)
+        for name in _STORED:
+            getattr(self.memory, name)[: rows * self._copies] = kept[name][-rows * self._copies :]
+        last = self.memory.after[(rows - 1) * self._copies : rows * self._copies]
+        last[last == 0] = _STOP  # no return goes on into another training
+        self.memory.bounds[:] = kept["bounds"]
+        self.count = rows
 
     @property
     def ready(self) -> bool:

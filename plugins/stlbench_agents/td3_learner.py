@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Array, Integers, Transition, Unsuitable
+from stlbench.contract import ActionBox, Array, Arrays, Integers, Transition, Unsuitable
 from stlbench_agents.kernels import compiled, fixed_types, flattened, inner_products, part
 from stlbench_agents.layers import (
     OutputBuffers,
@@ -227,13 +227,13 @@ class TD3Learner:
             recipe.target_noise_clip,
             0,
         )
-        rows = max(recipe.n_steps + 1, min(rounds, recipe.buffer_size // copies))
-        self.replay = Replay(rows, copies, inputs, recipe.n_steps, recipe.gamma, recipe.reward_scale, axes=axes)
+        self._copies, self._rounds, self._inputs = copies, rounds, inputs
+        self.replay = self._empty_replay(rounds)
         first, last = recipe.exploration_noise, recipe.exploration_noise_final
         self._noise = np.linspace(first, first if last is None else last, rounds)
         self._shares = np.linspace(0.25, 1.75, copies)[:, None]  # several copies have the recipe's noise on average
-        self._copies, self._done, self._count = copies, 0, 0
-        self._random_steps, self._updates = recipe.random_steps, updates
+        self._done = self._count = 0
+        self._random_steps, self._waiting, self._updates = recipe.random_steps, recipe.random_steps, updates
         self._batch = Batch.of(recipe.batch_size, inputs, axes)
         self._output_buffers = OutputBuffers.of(self.networks.actor, 1)
         self._buffers = TD3Buffers.of(self.networks, recipe.batch_size)
@@ -270,6 +270,39 @@ class TD3Learner:
         self._noise[:] = self._noise[-1]
         self._random_steps = 0  # the earlier policy acts from the start, and updates begin as late as without it
 
+    def _empty_replay(self, rounds: int) -> Replay:
+        recipe, axes = self.recipe, len(self.box.names)
+        rows = max(recipe.n_steps + 1, min(rounds, recipe.buffer_size // self._copies))
+        returns = recipe.n_steps, recipe.gamma, recipe.reward_scale
+        return Replay(rows, self._copies, self._inputs, *returns, axes=axes)
+
+    def kept(self) -> Arrays:
+        """The weights with Adam's moments, the newest transitions, and the place in the schedule."""
+        recipe = self.recipe
+        numbers = self._count, self.schedule.rate * self.schedule.decay**self._count, self._noise[self._done - 1]
+        known = recipe.gamma, recipe.n_steps, recipe.reward_scale, self._copies
+        weights = {"actor": self.actor.kept(), "critics": self.critics.kept()}
+        return {**weights, **self.replay.kept(), "numbers": np.array(numbers), "recipe": np.array(known)}
+
+    def go_on(self, earlier: Arrays) -> bool:
+        """Go on with these `kept` arrays; False if they are of other networks or of another recipe for returns."""
+        recipe, weights = self.recipe, (self.actor, self.critics)
+        known = recipe.gamma, recipe.n_steps, recipe.reward_scale, self._copies
+        shapes = [earlier[name].shape[1:] for name in ("actor", "critics")]
+        if shapes != [each.online.shape for each in weights] or earlier["recipe"].tolist() != [*known]:
+            return False
+        self.actor, self.critics = Weights.again(earlier["actor"]), Weights.again(earlier["critics"])
+        self.replay = self._empty_replay(self._rounds + len(earlier["reward"]) // self._copies)
+        self.replay.refill(earlier)
+        count, rate, noise = earlier["numbers"].tolist()
+        first, least = max(rate, resumed_rate(recipe)), recipe.learning_rate_final
+        factor = decay(first, least, self._rounds * recipe.gradient_steps)
+        self._count = int(count) // recipe.policy_delay * recipe.policy_delay
+        self.schedule = self.schedule._replace(rate=first / factor**self._count, decay=factor)
+        self._noise = np.linspace(noise, min(noise, self._noise[-1]), self._rounds)
+        self._random_steps = self._waiting = 0
+        return True
+
     def act(self, observation: Array) -> Array:
         shape = (self._copies, len(self.box.names))
         if self._done < self._random_steps:
@@ -290,7 +323,7 @@ class TD3Learner:
     def learn(self, observation: Array, action: Array, transition: Transition) -> None:
         """Store the step, with the actions in [-1, 1] that `act` has kept."""
         self.replay.add(observation, self._action, transition)
-        if self._done > self.recipe.random_steps and self.replay.ready:
+        if self._done > self._waiting and self.replay.ready:
             first = self.replay.draw(self._generator, self.recipe.gradient_steps, self.recipe.batch_size)
             shape = (*first.shape, len(self.box.names))
             self.update(first, self._generator.standard_normal(shape, dtype=np.float32))

@@ -177,6 +177,12 @@ class LockStepLearner(Protocol):
     def resume(self, policy: Any) -> None:
         """Start from the networks of an earlier policy, before the first step. Raises `Unsuitable` for other sizes."""
 
+    def go_on(self, earlier: contract.Arrays) -> bool:
+        """Go on, before the first step, with the training that gave these `kept` arrays; whether it is possible."""
+
+    def kept(self) -> contract.Arrays:
+        """The arrays from which `go_on` goes on; none if it does not."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LockStepAgent(OffPolicy, CompiledAgent):
@@ -199,7 +205,8 @@ class LockStepAgent(OffPolicy, CompiledAgent):
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner, reports = self.begin(environment, training.seed, rounds), report_rounds(rounds, training.checkpoints)
-        if training.initial is not None:
+        goes_on = training.earlier is not None and learner.go_on(training.earlier)
+        if training.initial is not None and not goes_on:
             learner.resume(self.restore(training.initial, environment.actions))
         observation = environment.reset()
         for done in range(1, rounds + 1):
@@ -211,6 +218,8 @@ class LockStepAgent(OffPolicy, CompiledAgent):
                 final = learner.policy()
                 if training.report(final, done * self.copies * environment.hold):
                     break
+        if training.keep is not None:
+            training.keep(learner.kept())
         return final
 
 

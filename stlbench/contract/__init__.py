@@ -63,6 +63,7 @@ annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
 | `Agent.discounts`, `Environment.reset(alike)` | agents that search for the greatest return from common starts |
 | `Agent.trains` | agents without training, such as a controller |
 | `Agent.resumes`, `Training.initial` | agents that start from an earlier policy |
+| `Training.keep`, `earlier` | agents that go on with an earlier training |
 | `Work.prepare`, `log`, `facts` | executors that fork, store output, or use other machines |
 | `cached` | plugins with functions that Numba compiles |
 | `stlbench.contract.presentation` | plugins with something to show in tables, figures and films |

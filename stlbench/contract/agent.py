@@ -281,6 +281,11 @@ class Training:
     initial: Arrays | None = None
     """`Policy.arrays` of an earlier policy of this agent, whose networks the training starts from; None for fresh ones.
     Only an agent that `resumes` gets them."""
+    earlier: Arrays | None = None
+    """The arrays that an earlier training of the same task and method gave to `keep`; `initial` is its last policy."""
+    keep: Callable[[Arrays], None] | None = None
+    """Call it at the end with the arrays from which this training can go on, such as those of critics and replay. None
+    if no training will."""
 
 
 class Cost(NamedTuple):

@@ -6,6 +6,8 @@ policies are saved once, as `selected`.
 
 A file of traces has `traces` (N, T + 1, k) and `signals` (k,), their names. For films, `extremes` (2,) are the numbers
 of the best and the worst start, and `states` (2, decisions + 1, n) the states on the way from them.
+
+A file of a training has the arrays of its last policy, and `training/NAME` for each from which another one goes on.
 """
 
 import hashlib
@@ -31,9 +33,12 @@ LARGEST = 2**31  # bytes that the arrays of a file may take: an archive of some 
 _HEAD = 2**16  # bytes that are read of an array to learn its shape: it may say that its header is as long as the file
 _NO_ARRAYS = "it is no file of arrays (.npz), or has objects in it"
 
+TRAINING, OF = "training/", "of"
+"""How the names of the arrays begin from which a training goes on, and the name of the text that says of what it is."""
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays, compressed, in place of the file of before; its folder is made. Whoever reads finds no half a file.
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = True) -> None:
+    """Write arrays in place of the file of before; its folder is made. Whoever reads finds no half a file.
 
     Raises `TypeError` for an array of objects, and `UsageError` as `result_files.opened`.
     """
@@ -41,7 +46,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         if array.dtype.hasobject:
             raise TypeError(f"array '{name}' has objects; only numbers and texts can be stored")
     with opened(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+        (np.savez_compressed if compressed else np.savez)(file, allow_pickle=False, **arrays)
 
 
 def read_arrays(path: Path, prefix: str = "", folder: Path | None = None) -> dict[str, NDArray[Any]]:
@@ -107,6 +112,14 @@ def save_policies(path: Path, selected: Policy | StatePolicy, final: Policy | St
         del stored["final"]
     write_arrays(path, {f"{which}/{name}": array for which, arrays in stored.items() for name, array in arrays.items()})
     return digests
+
+
+def save_training(path: Path, final: Policy | StatePolicy, kept: Arrays, of: str) -> None:
+    """Write the last policy of a training, with the arrays from which another training of the same goes on."""
+    if (arrays := _arrays(final)) is None:
+        return
+    beside = {f"{TRAINING}{name}": np.asarray(array) for name, array in {**kept, OF: np.array(of)}.items()}
+    write_arrays(path, {**arrays, **beside}, compressed=False)
 
 
 def _arrays(policy: Policy | StatePolicy) -> Arrays | None:

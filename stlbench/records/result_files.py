@@ -125,18 +125,21 @@ LINES = "cells.jsonl"
 results are read from there."""
 PACKED = LINES + ".xz"  # what `stlbench export` writes of them, for git
 TRACES, POLICIES, LOGS = "traces", "policies", "logs"  # names of the folders in a folder of results
+TRAININGS = "trainings"  # of those from which another training goes on
 
 
 class CellFiles(NamedTuple):
-    traces: Path  # see `saved_traces`
-    policies: Path  # see `saved_policies`
+    traces: Path  # see `array_files.save_traces`
+    policies: Path  # see `array_files.save_policies`
     log: Path  # what the cell wrote to standard output and error
+    training: Path  # see `array_files.save_training`
 
 
 def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:
     """The paths in a folder of results. Names consist of the cell and the beginning of its key."""
     name = cell.name.replace("/", "_") + end_of_name(key)
-    return CellFiles(folder / TRACES / name, folder / POLICIES / name, (folder / LOGS / name).with_suffix(".log"))
+    log = (folder / LOGS / name).with_suffix(".log")
+    return CellFiles(folder / TRACES / name, folder / POLICIES / name, log, folder / TRAININGS / name)
 
 
 def discard_arrays(folder: Path, cell: CellId, key: str) -> None:

@@ -284,6 +284,7 @@ class Trainer:
             checkpoints=checkpoints,
             random_starts=0,
             patience=patience,
+            resumable=True,
         )
 
     def _is_promising(self, result: Result) -> bool:
@@ -373,7 +374,8 @@ class Trainer:
         return outlook(self.workspace.folder / cells_of(result.id.budget), result, starts)
 
     def _policy_of(self, result: Result) -> Path:
-        return cell_files(self.workspace.folder / cells_of(result.id.budget), result.id, result.key).policies
+        files = cell_files(self.workspace.folder / cells_of(result.id.budget), result.id, result.key)
+        return files.training if files.training.is_file() else files.policies
 
     def _plan_more(self, budget: str, best: Result) -> bool:
         """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""

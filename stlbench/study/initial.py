@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.contract import Agent, Arrays, Unsuitable
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.records import array_files
-from stlbench.records.array_files import digest
+from stlbench.records.array_files import OF, TRAINING, digest
 from stlbench.registry.choices import Choice
 from stlbench.study.cell import Cell
 from stlbench.task.build import INIT
@@ -34,6 +34,19 @@ class Initial(NamedTuple):
         return Choice(agent.name, (*agent.without(INIT).parameters, (INIT, self.digest[:_DIGITS])))
 
 
+class Stored(NamedTuple):
+    """The arrays in a file: of a policy, and of the training that ended with it, if it was kept."""
+
+    policy: Arrays
+    training: Arrays
+
+    @classmethod
+    def among(cls, arrays: Arrays) -> Stored:
+        """The parts of what `read` gives."""
+        own = {name.removeprefix(TRAINING): each for name, each in arrays.items() if name.startswith(TRAINING)}
+        return cls({name: each for name, each in arrays.items() if not name.startswith(TRAINING)}, own)
+
+
 def read(path: Path) -> Arrays:
     """The arrays of a policy as `run` and `solve` store it; of a cell's two policies the selected one.
 
@@ -49,10 +62,11 @@ def read(path: Path) -> Arrays:
     return selected or arrays
 
 
-def arrays_of(cell: Cell) -> Arrays | None:
+def arrays_of(cell: Cell) -> Stored | None:
     """Those from which a cell's agent starts, None for fresh networks.
 
-    Raises `UsageError` where the file is not given, or has another policy than when the cell was planned.
+    Raises `UsageError` where the file is not given, or has another policy than when the cell was planned, or a training
+    of another task or method.
     """
     wanted = dict(cell.id.agent.parameters).get(INIT)
     if wanted is None:
@@ -62,7 +76,15 @@ def arrays_of(cell: Cell) -> Arrays | None:
     arrays = read(cell.init)
     if not digest(arrays).startswith(wanted):
         raise UsageError(f"{cell.init} is no longer the policy that agent {cell.id.agent} starts from")
-    return arrays
+    stored = Stored.among(arrays)
+    if stored.training and (of := one_line(stored.training.get(OF))) != trained(cell):
+        raise UsageError(f"{cell.init} should be a training of {trained(cell)}, got {of}; a policy starts any other")
+    return stored
+
+
+def trained(cell: Cell) -> str:
+    """The task and the method of a cell, whose training only one of the same can go on with."""
+    return f"{cell.id.task}/{cell.id.method}"
 
 
 def refuse_other(arrays: Arrays, agent: Agent, name: str, task: Task) -> None:

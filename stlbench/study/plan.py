@@ -134,9 +134,9 @@ def check_cells(cells: Iterable[Cell]) -> Checked:
         task, agent = cell.load_task(), cell.id.agent
         with plugins.guarded(f"agent {agent}"):
             agents.append((agent, build_agent(task, agent)))
-        if (arrays := initial.arrays_of(cell)) is not None:
+        if (stored := initial.arrays_of(cell)) is not None:
             with plugins.guarded(f"--init {cell.init} on task {task.name}"):
-                initial.refuse_other(arrays, agents[-1][1], agent.name, task)
+                initial.refuse_other(stored.policy, agents[-1][1], agent.name, task)
         if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return Checked(tuple(notes), tuple(agents))

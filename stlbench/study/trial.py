@@ -29,7 +29,7 @@ from stlbench.simulation.rehearsal import rehearse
 from stlbench.simulation.worlds import make_world, observation_of
 from stlbench.study.cell import Cell, Recipe, derive_seed
 from stlbench.study.fitting import refuse_dear
-from stlbench.study.initial import arrays_of
+from stlbench.study.initial import Stored, arrays_of, trained
 from stlbench.task import build_agent, build_method
 from stlbench.task.task import Task
 
@@ -62,6 +62,7 @@ class Trained(NamedTuple):
     env_steps: int
     clock: Clock
     observation_size: int
+    kept: contract.Arrays  # none unless the budget says so, and the agent gives them
 
 
 def train(
@@ -70,7 +71,7 @@ def train(
     agent: contract.Agent,
     cell: Cell,
     score: Callable[[contract.Policy | contract.StatePolicy], tuple[float, float]],
-    initial: contract.Arrays | None = None,
+    begun: Stored | None = None,
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
@@ -99,21 +100,30 @@ def train(
 
     plugin, seed = task.choice.name, cell.id.seed
     random = derive_seed(plugin, cell.id.agent.name, "training", seed)
-    training = contract.Training(make, budget.steps, random, report, budget.checkpoints, initial=initial)
+    kept = dict[str, Any]()
+    training = contract.Training(
+        make,
+        budget.steps,
+        random,
+        report,
+        budget.checkpoints,
+        initial=None if begun is None else begun.policy,
+        earlier=(begun and begun.training) or None,
+    )
     if agent.plans is not None:
         training = replace(training, model=model_of(task, method))
     else:
         rehearse(agent, training, task.file.hold)
     meter.begin(budget.steps)
     clock.go_on()
-    final = agent.train(training)
+    final = agent.train(replace(training, keep=kept.update) if budget.resumable else training)
     clock.pause()
     meter.check(final, meter.taken)
     if agent.trains and agent.plans is None:
         meter.check_trained()
     taken = meter.taken
     size = max((environment.observation_size for environment in used), default=0)
-    return Trained(final, reported or [Checkpoint(final, taken, clock.cpu)], taken, clock, size)
+    return Trained(final, reported or [Checkpoint(final, taken, clock.cpu)], taken, clock, size, kept)
 
 
 @dataclass
@@ -226,14 +236,16 @@ class Measured(NamedTuple):
     selected: contract.Policy | contract.StatePolicy
     final: contract.Policy | contract.StatePolicy
     observation_size: int  # D; 0 where no environment was made
+    kept: contract.Arrays  # as of `Trained`
 
 
 def _stored(measured: Measured, task: Task, method: contract.RewardMethod, cell: Cell, folder: Path) -> Measurement:
     """Save traces and policies in a folder of results; the numbers, which say by what hashes policies are known."""
-    traces = cell_files(folder, cell.id, cell.key).traces
-    array_files.save_traces(inside(traces, folder), measured.assessment, task.signals)
-    path = cell_files(folder, cell.id, cell.key).policies
-    digests = array_files.save_policies(inside(path, folder), measured.selected, measured.final)
+    files = cell_files(folder, cell.id, cell.key)
+    array_files.save_traces(inside(files.traces, folder), measured.assessment, task.signals)
+    digests = array_files.save_policies(inside(files.policies, folder), measured.selected, measured.final)
+    if measured.kept:
+        array_files.save_training(inside(files.training, folder), measured.final, measured.kept, trained(cell))
     if digests is None:
         return measured.numbers
     recipe = cell.recipe or Recipe()
@@ -243,16 +255,16 @@ def _stored(measured: Measured, task: Task, method: contract.RewardMethod, cell:
 
 
 def measure(
-    task: Task, method: contract.RewardMethod, agent: contract.Agent, cell: Cell, initial: contract.Arrays | None = None
+    task: Task, method: contract.RewardMethod, agent: contract.Agent, cell: Cell, begun: Stored | None = None
 ) -> Measured:
-    """Train, perhaps from the arrays of an earlier policy, and score the selected and the final policy."""
+    """Train, perhaps from the arrays of an earlier training, and score the selected and the final policy."""
     whole = Clock()
     budget = task.budget(cell.id.budget)
     referee = Referee(task, method, budget.random_starts)
-    trained = train(task, method, agent, cell, referee.look if budget.patience == 0 else referee.glance, initial)
-    selected, curve = _choose(referee, trained.checkpoints)
+    ran = train(task, method, agent, cell, referee.look if budget.patience == 0 else referee.glance, begun)
+    selected, curve = _choose(referee, ran.checkpoints)
     assessment = referee.assess(selected.policy)
-    last = assessment if selected.policy is trained.final else referee.assess(trained.final)
+    last = assessment if selected.policy is ran.final else referee.assess(ran.final)
     reward_nanoseconds = reward_time(task, method)
     whole.pause()
     measurement = Measurement(
@@ -260,17 +272,17 @@ def measure(
         final=last.scores,
         selected_steps=selected.steps,
         curve=curve,
-        training_cpu_seconds=trained.clock.cpu,
-        training_wall_seconds=trained.clock.wall,
+        training_cpu_seconds=ran.clock.cpu,
+        training_wall_seconds=ran.clock.wall,
         cpu_seconds=whole.cpu,
         wall_seconds=whole.wall,
-        env_steps=trained.env_steps,
+        env_steps=ran.env_steps,
         reward_nanoseconds=reward_nanoseconds,
         inputs_added=method.input_size,
         planned=_planned(agent, selected.policy, assessment),
         extension=method.extension,
     )
-    return Measured(measurement, assessment, selected.policy, trained.final, trained.observation_size)
+    return Measured(measurement, assessment, selected.policy, ran.final, ran.observation_size, ran.kept)
 
 
 def _planned(

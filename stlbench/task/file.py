@@ -161,6 +161,8 @@ class Budget(Entry):
     seconds: Positive | None = None
     """Training ends at the first checkpoint after so many wall seconds. The result then depends on the machine, so
     leave it out where methods are compared."""
+    resumable: bool = False
+    """Whether a file is stored from which another training goes on (`run --init`): critics, replay."""
     random_starts: Annotated[int, Field(ge=0, le=MOST_STARTS)] = 1000
     """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 
