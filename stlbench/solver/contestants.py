@@ -25,6 +25,9 @@ from stlbench.task.task import agents_for
 from stlbench.tracks.auto import automatic, scheduled
 
 _MOST = 4  # contestants
+_PROMISING_SHARE = 0.5
+"""A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
+race ends, and it trains on."""
 _FRESH_RATIO = 1.5  # seconds of a training by fresh seeds, over those of the winner, at least
 _LONG = 20
 """A second agent races too if there are at least so many minutes."""
@@ -38,6 +41,21 @@ def rank(result: Result) -> tuple[float, float]:
     return point.satisfaction, point.robustness_mean
 
 
+def satisfies(result: Result) -> bool:
+    """Whether it does from all starts for selection."""
+    return rank(result)[0] == 1
+
+
+def is_promising(result: Result, task: Task) -> bool:
+    """Whether it learns: not if it hardly beats a baseline, or was good for one moment of an unstable training."""
+    if result.measurement is None:
+        return False
+    stated = task.file.baselines
+    idle = max(each.satisfied for each in (stated.zero, stated.constant, stated.random)) if stated else 0.0
+    share = min(rank(result)[0], result.measurement.curve[-1].satisfaction)
+    return satisfies(result) or share >= idle + _PROMISING_SHARE * (1 - idle)
+
+
 def cost(result: Result, scoring: float) -> tuple[float, float]:
     """Seconds of a cell apart from its training and its checkpoints, each of so many seconds; and of training per step.
 
@@ -49,10 +67,16 @@ def cost(result: Result, scoring: float) -> tuple[float, float]:
     return max(0.0, apart), measured.training_wall_seconds / measured.env_steps
 
 
-def enough_afresh(result: Result) -> float:
-    """Seconds in which fresh seeds may learn more than a result did. A second seed trains where both have so many."""
-    assert result.measurement is not None
-    return _FRESH_RATIO * result.measurement.wall_seconds
+def wall_seconds(result: Result) -> float:
+    """Those of a cell; 0 without a measurement."""
+    return 0.0 if result.measurement is None else result.measurement.wall_seconds
+
+
+def enough_afresh(seconds: float) -> float:
+    """Seconds in which fresh seeds may learn more than a training of some seconds did; for a second seed, both need
+    so many.
+    """
+    return _FRESH_RATIO * seconds
 
 
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:

@@ -18,11 +18,12 @@ from stlbench.records.result import Result
 from stlbench.registry.choices import LOCAL
 from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
+from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import best_first
 from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.problem import Problem
-from stlbench.solver.race import Clock, Trainer
+from stlbench.solver.race import Race
 from stlbench.solver.solution import FILE, TEXT, Solution, certificate_of
 from stlbench.solver.workspace import is_of, workspace_of
 from stlbench.study.progress import Progress, duration
@@ -114,10 +115,11 @@ def solve(
     if begun is not None:
         begun.check(workspace.task)
     workspace.begin(minutes)
-    trainer = Trainer(workspace, clock, say, progress, executor, jobs, begun, seed)
+    trainer = Race(workspace, clock, say, progress, executor, jobs, begun, seed)
     try:
-        winner = trainer.race()
-        trained = trainer.improve(best_first(trainer.final(winner), [winner]))
+        if (trained := trainer.chosen()) is None:
+            winner = trainer.race()
+            trained = trainer.improve(best_first(trainer.final(winner), [winner]))
     except KeyboardInterrupt:
         if (trained := trainer.kept()) and not _is_delivered(folder, trained[0], confidence):
             say("interrupted: a short certificate of the best so far; ctrl-C again leaves it out")
@@ -127,6 +129,7 @@ def solve(
         say("certificate, counterexamples and files")
         with blaming(identifier):
             Delivery(workspace, problem, clock, confidence, trained).write()
+    workspace.drop_trainings()
     solution = Solution.load(folder, run_code=True)  # the task is the user's own
     note(sentence(solution.certificate))
     return solution

@@ -15,7 +15,7 @@ from stlbench import stl
 from stlbench.contract import Array, GymTask
 from stlbench.errors import UsageError, one_line
 from stlbench.records.result import Score
-from stlbench.records.result_files import inside, write
+from stlbench.records.result_files import TRAININGS, inside, write
 from stlbench.registry import named_tasks
 from stlbench.registry.choices import Choice
 from stlbench.schedules.schedule import around, schedules
@@ -154,6 +154,11 @@ class Workspace:
         if self.state.get("minutes") != minutes:
             self._change(budgets={"probe": self._content["budgets"]["probe"]})
             self.remember(minutes=minutes, methods=None, chosen=None)
+
+    def drop_trainings(self) -> None:
+        """Remove the files from which trainings go on: they are large, and none will."""
+        for place in self.folder.glob(f"*/{TRAININGS}"):
+            shutil.rmtree(inside(place, self.folder))
 
     def _change(self, **entries: Any) -> None:
         """Write entries into the task file."""

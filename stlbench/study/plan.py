@@ -2,11 +2,10 @@
 that say what a reward asks for.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,14 +46,14 @@ def plan_cells(
     budget: str,
     track: Track | None = None,
     recipes: Recipes | None = None,
-    init: Initial | None = None,
+    init: Mapping[Choice, Initial] | None = None,
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
     No method is imported, and an agent for the track `auto` alone, as its class has the recipe: so a study that is
     already done is answered at once; see `check_cells`. Without agents, each task is trained by its own
     (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without seeds, the task's budget says how many.
-    All agents start from the policy `init`, if there is one.
+    The agents of a method start from its policy in `init`, if there is one.
     Raises `UsageError` for an unknown name or budget, a task with errors, no seed, or a missing recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
@@ -67,10 +66,9 @@ def plan_cells(
     for task in map(load_task, dict.fromkeys(tasks)):
         on = track or task.own_track
         trained_by = chosen or (Choice(own_agent_on(task, on)),)
-        if init is not None:
-            trained_by = tuple(map(init.given_to, trained_by))
-        place = None if init is None else init.path
-        planned.append(_Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, on, code, place))
+        planned.append(
+            _Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, on, code, init or {})
+        )
     every_seed = sorted(set().union(*(task.seeds for task in planned)))
     return tuple(
         task.cell(method, agent, seed, part, recipes)
@@ -88,12 +86,15 @@ class _Planned:
     budget: str
     track: Track
     harness: KeyPart
-    init: Path | None
+    begun: Mapping[Choice, Initial]
     tasks: dict[Any, Task] = field(default_factory=dict)
     known: dict[Any, tuple[KeyPart, KeyPart]] = field(default_factory=dict)
     """The parts of task and agent so far. A method changes them by its recipe and the form that it takes."""
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: KeyPart, recipes: Recipes | None) -> Cell:
+        place = None
+        if (init := self.begun.get(method)) is not None:
+            agent, place = init.given_to(agent), init.path
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if setting not in self.tasks:
@@ -106,9 +107,9 @@ class _Planned:
         own, trained = self.known[form]
         used = self.harness, own, part, trained
         cell, parts = CellId(self.task.choice, method, agent, seed, self.budget, self.track), parts_of(used)
-        place, deadline = named_tasks.place_of(self.task.choice.name), self.task.budget(self.budget).deadline
+        home, deadline = named_tasks.place_of(self.task.choice.name), self.task.budget(self.budget).deadline
         key, code = digest([self.track, *parts, seed]), tuple(each.code for each in used)
-        return Cell(cell, key, deadline, recipe, place, self.init, parts, code)
+        return Cell(cell, key, deadline, recipe, home, place, parts, code)
 
 
 @dataclass(frozen=True)

@@ -167,8 +167,10 @@ class Study(BaseModel):
     recipes: Annotated[Path | None, Option("FILE")] = Field(
         None, description="Recipes of the track tuned, as `stlbench tune` writes them."
     )
-    init: Annotated[Path | None, Option("POLICY", "fresh networks")] = Field(
-        None, description="All agents start from this policy, a file (.npz) that `stlbench run` or `solve` stored."
+    init: Annotated[Path | dict[str, Path] | None, Option("POLICY", "fresh networks")] = Field(
+        None,
+        description="All agents start from this policy, a file (.npz) that `stlbench run` or `solve` stored. "
+        "In Python and in a file also one for each method.",
     )
     jobs: Annotated[int | None, Option("N", "2, or 1 on a single core")] = Field(
         None, ge=1, description="Cells at a time."
@@ -226,7 +228,10 @@ class Study(BaseModel):
         from stlbench.study.plan import plan_cells  # imports tasks, which the options of a command do without
 
         recipes = None if self.recipes is None else read_recipes(self.recipes)
-        init = None if self.init is None else Initial.of(self.init)
+        each = self.init if isinstance(self.init, dict) else dict.fromkeys(map(str, self.methods), self.init)
+        init = {choice_of(method): Initial.of(path) for method, path in each.items() if path is not None}
+        if other := [*{*init} - {*self.methods}]:
+            raise UsageError(f"init: {other[0]} is no method of this study")
         cells = plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes, init)
         return cells if self.shard is None else self.shard.of(cells)
 

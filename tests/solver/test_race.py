@@ -16,12 +16,14 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import parse_choice
+from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import Contestant, best_first, searcher
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
-from stlbench.solver.race import _APART, Clock, Trainer
+from stlbench.solver.race import Race
 from stlbench.solver.run import _TRIES
+from stlbench.solver.trainer import APART
 from stlbench.solver.workspace import TASK, is_of, workspace_of
 from stlbench.study.initial import read
 from stlbench.study.study import MOST_SEEDS
@@ -43,8 +45,8 @@ class Played:
         """Of each training of a method."""
         self.last: dict[tuple[str, int], float] = {}
         """The share of the last policy, where it is not that of the best."""
-        monkeypatch.setattr("stlbench.solver.race.run_study", self)
-        monkeypatch.setattr("stlbench.solver.race.time", SimpleNamespace(perf_counter=lambda: self.now))
+        monkeypatch.setattr("stlbench.solver.trainer.run_study", self)
+        monkeypatch.setattr("stlbench.solver.clock.time", SimpleNamespace(perf_counter=lambda: self.now))
 
     def __call__(self, **options: Any) -> list[Result]:
         results = list[Result]()
@@ -56,6 +58,12 @@ class Played:
             if options["until"](results[-1]):
                 break
         return results
+
+    @staticmethod
+    def begun(init: dict[str, Path]) -> str:
+        """The method and the seed of the cell that trainings go on with."""
+        ((_, path),) = init.items()
+        return "/".join(path.name.split("_")[1:4:2])
 
     def _result(self, budget: str, method: str, agent: str, seed: int) -> Result:
         cell = CellId.parse(f"task/{method}/{agent}/{seed}/auto", budget)
@@ -85,7 +93,7 @@ def gone_on(
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
-    trainer = Trainer(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
+    trainer = Race(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
     improved = trainer.improve(first)
     assert workspace.state["chosen"] == improved[0].key
     assert [each.id.seed for each in improved if each.key == improved[0].key] == [improved[0].id.seed]
@@ -103,7 +111,7 @@ def test_a_certificate_that_can_rise_is_trained_for_from_the_best_policy(monkeyp
     played, seeds = gone_on(monkeypatch, {200: 90, 202: 95, 204: 100})
     assert seeds[0] == 204
     assert [cell[::3] for cell in played.cells[1:]] == [("more-1", 202), ("more-2", 204)]
-    assert [Path(init).name.split("_")[3] for init in played.inits[1:]] == ["200", "202"]
+    assert [played.begun(init) for init in played.inits[1:]] == ["raw/200", "raw/202"]
 
 
 def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,20 +148,20 @@ def test_what_the_next_training_begins_with_is_said(monkeypatch: pytest.MonkeyPa
         workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(place))
         workspace.begin(10.0)
         played.now, said = 60.0, list[str]()
-        Trainer(workspace, Clock(10.0, 0.0), said.append, False, jobs=1, start=start).improve(first)
+        Race(workspace, Clock(10.0, 0.0), said.append, False, jobs=1, start=start).improve(first)
         begun += [text.partition(":")[0].removeprefix("training on, from ") for text in said[:2]]
     assert begun == ["the best policy", "fresh networks", "the best policy", "the earlier solution"]
 
 
 def test_a_race_of_which_no_row_can_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     Played(monkeypatch, {})
-    monkeypatch.setattr("stlbench.solver.race.run_study", lambda **options: [])
+    monkeypatch.setattr("stlbench.solver.trainer.run_study", lambda **options: [])
     with pytest.raises(UsageError, match=r"no result of probe in out/race can be read; `stlbench verify out/race --r"):
         raced(10.0)
 
 
 def test_each_number_of_a_try_has_seeds_that_a_study_takes() -> None:
-    assert _APART * _TRIES == MOST_SEEDS
+    assert APART * _TRIES == MOST_SEEDS
 
 
 def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,13 +171,13 @@ def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: py
     workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
     played.now = 490.0
-    assert Trainer(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
+    assert Race(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
 
 
 def raced(minutes: float, jobs: int = 1, seed: int = 0) -> list[Result]:
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(minutes)
-    trainer = Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=jobs, seed=seed)
+    trainer = Race(workspace, Clock(minutes), lambda text: None, False, jobs=jobs, seed=seed)
     winner = trainer.race()
     return best_first(trainer.final(winner), [winner])
 
@@ -261,7 +269,7 @@ def test_where_it_learns_nothing_it_follows_other_windows(monkeypatch: pytest.Mo
     workspace = workspace_of(Problem("CartPole-v1", "F[0,40] (x >= 0.3 & F[0,40] x <= -0.3)"), Path("out"))
     assert workspace.unscheduled == (parse_choice("task[without=schedule]"), TASK)
     workspace.begin(30.0)
-    Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
+    Race(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
     assert [cell[0] for cell in played.cells[:4]] == ["probe", "search", "search-windows", "rung-1"]
 
 
@@ -271,7 +279,7 @@ def test_a_search_begins_with_the_witness(monkeypatch: pytest.MonkeyPatch) -> No
     workspace.begin(30.0)
     workspace.remember(searched=True)
     Path("out/witness.json").write_text('{"actions": [[1], [0]]}')
-    Trainer(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
+    Race(workspace, Clock(30.0), lambda text: None, False, jobs=1).race()
     assert [cell[:3] for cell in played.cells[2:3]] == [("search-witness", "tltl", "cma-es")]
     decisions = load_task("task").file.steps
     arrays = read(played.inits[2])
@@ -345,7 +353,7 @@ def test_trainings_that_run_side_by_side_all_end(monkeypatch: pytest.MonkeyPatch
     workspace.begin(3.0)
     (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
     played.now = 120.0  # the delivery begins at 144
-    Trainer(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
+    Race(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
     assert [cell[3] for cell in played.cells[1:]] == seeds
 
 
@@ -357,7 +365,7 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
         workspace.begin(minutes)
         (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
         cast(Any, winner.measurement).wall_seconds, played.now = 60.0, 0.0
-        Trainer(workspace, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
+        Race(workspace, Clock(minutes), lambda text: None, False, jobs=1).final(winner)
         seconds = workspace.task.budget("final").seconds
         assert seconds is not None
         planned[minutes] = seconds
@@ -373,7 +381,7 @@ def test_fresh_seeds_train_only_where_they_have_more_time_than_the_winner(
     workspace.begin(3.0)
     (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
     cast(Any, winner.measurement).wall_seconds, played.now = seconds, 0.0  # 144 until the delivery
-    trained = Trainer(workspace, Clock(3.0), lambda text: None, False, jobs=1).final(winner)
+    trained = Race(workspace, Clock(3.0), lambda text: None, False, jobs=1).final(winner)
     assert [result.id.seed for result in trained] == seeds
 
 
@@ -385,7 +393,7 @@ def test_a_race_of_one_rung_has_all_of_the_time_that_is_left_and_another_at_most
         played = Played(monkeypatch, {})
         workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(f"out-{racing}-{spent:g}"))
         workspace.begin(3.0)
-        trainer = Trainer(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=1)
+        trainer = Race(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=1)
         (probe,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
         played.now = spent
         who = [Contestant(method, "dqn") for method in ("raw", "tltl", "dense", "flag")[:racing]]

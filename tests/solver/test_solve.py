@@ -212,7 +212,7 @@ def test_a_certificate_in_words() -> None:
 @pytest.mark.slow
 def test_a_whole_solution_and_the_same_call_again(monkeypatch: pytest.MonkeyPatch) -> None:
     small("CartPole-v1", HARD)
-    monkeypatch.setattr("stlbench.solver.race.Trainer._plan_more", lambda *given: False)  # it would take all minutes
+    monkeypatch.setattr("stlbench.solver.race.Race._plan_more", lambda *given: False)  # it would take all minutes
     solution = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     facts = json.loads(Path("out/certificate.json").read_text())
     assert solution.certificate == facts
@@ -273,7 +273,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
         return run_study(*args, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr("stlbench.solver.race.run_study", interrupted)
+        patched.setattr("stlbench.solver.trainer.run_study", interrupted)
         done = say("CartPole-v1", HARD, "--minutes", "15", "--jobs", "1")
     assert done.exit_code == 130
     assert "run the same command again to continue" in done.stderr
@@ -285,7 +285,7 @@ def test_an_interrupted_race_delivers_and_goes_on(monkeypatch: pytest.MonkeyPatc
     assert Path("out/policy.npz").stat().st_size > 100
     assert not Path("out/film.gif").exists()
     before = [result.provenance for result in Results.load("out/race")]
-    monkeypatch.setattr("stlbench.solver.race.Trainer._plan_more", lambda *given: False)
+    monkeypatch.setattr("stlbench.solver.race.Race._plan_more", lambda *given: False)
     whole = stlbench.solve("CartPole-v1", HARD, minutes=15.0, into="out", jobs=1)
     assert not whole.certificate["interrupted"]
     assert "Interrupted" not in whole.report()
@@ -321,7 +321,7 @@ def test_another_solve_starts_from_the_policy_of_a_solution_or_says_why_not() ->
 
 def test_an_interrupt_before_any_training_delivers_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     small("CartPole-v1", FORMULA)
-    monkeypatch.setattr("stlbench.solver.race.run_study", interrupt)
+    monkeypatch.setattr("stlbench.solver.trainer.run_study", interrupt)
     assert say("CartPole-v1", FORMULA, "--minutes", "15", "--jobs", "1").exit_code == 130
     assert not Path("out/certificate.json").exists()
     Path("out/race").mkdir()  # as a run leaves it that was killed before it made its ledger

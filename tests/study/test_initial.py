@@ -9,7 +9,7 @@ import pytest
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files
-from stlbench.registry.choices import parse_choice, parse_choices
+from stlbench.registry.choices import choice_of, parse_choice, parse_choices
 from stlbench.study.cell import Cell
 from stlbench.study.initial import Initial, arrays_of, read
 from stlbench.study.plan import check_cells, plan_cells
@@ -27,7 +27,7 @@ def policy(path: Path, seed: int = 0, grid: tuple[int, ...] = GRID) -> Path:
 
 
 def planned(init: Path | None = None, agent: str = "dqn") -> Cell:
-    start = None if init is None else Initial.of(init)
+    start = None if init is None else {choice_of("raw"): Initial.of(init)}
     agents = parse_choices(agent)
     (cell,) = plan_cells(parse_choices("hold-disc"), parse_choices("raw"), agents, [0], "smoke", init=start)
     return cell
