@@ -180,3 +180,28 @@ def test_actions_that_are_vectors() -> None:
     for i in range(4):
         replay.add(here, i + np.array([[0, 0.5, 1], [10, 10.5, 11]]), came(here, np.ones(2), nothing))
     assert replay.batch(np.array([5, 0])).action.tolist() == [[12, 12.5, 13], [0, 0.5, 1]]
+
+
+@pytest.mark.parametrize(("steps", "rows", "room"), [(7, 10, 20), (11, 10, 20), (40, 10, 12), (25, 10, 4)])
+def test_another_replay_goes_on_with_the_newest_transitions(steps: int, rows: int, room: int) -> None:
+    """Returns that begin in what was kept are those of before, but stop at its end. Step 23 comes last of 24."""
+    earlier, later = filled(steps, rows, 2, 3, 0.9), filled(0, room, 2, 3, 0.9)
+    later.refill(earlier.kept())
+    known = min(steps, rows, room)
+    assert later.count == known
+    batch = drawn(later)
+    assert {*batch.observation[:, 0].tolist()} == {*map(float, range(steps - known, steps - 2))}
+    for name in ("observation", "action", "reward"):
+        ended = getattr(earlier.memory, name).reshape(rows, 2, -1)[np.arange(steps - known, steps) % rows]
+        np.testing.assert_array_equal(getattr(later.memory, name).reshape(room, 2, -1)[:known], ended)
+    np.testing.assert_array_equal(later.memory.bounds, earlier.memory.bounds)
+    wide = np.zeros((2, 2))
+    for _ in range(3):
+        later.add(wide, np.zeros(2), came(wide, np.full(2, 1e6), np.zeros(2, bool)))
+    assert later.batch(np.array([0, 1]) + 2 * (known - 1)).returns.max() < 1e3  # none of the new rewards
+
+
+def test_few_transitions_are_kept_of_a_large_replay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stlbench_agents.replay._KEPT", 9)
+    kept = filled(20, 30, 2, 3, 0.9).kept()
+    assert kept["observation"][:, 0].tolist() == [16, 16, 17, 17, 18, 18, 19, 19]

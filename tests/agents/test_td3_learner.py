@@ -10,7 +10,7 @@ import torch
 from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox, Integers, Unsuitable
+from stlbench.contract import ActionBox, Integers, Transition, Unsuitable
 from stlbench_agents.layers import views
 from stlbench_agents.replay import Batch
 from stlbench_agents.td3 import TD3
@@ -195,3 +195,36 @@ def test_a_training_that_resumes_has_the_earlier_actor_which_rests_at_first() ->
 def test_an_actor_of_another_size_is_refused() -> None:
     with pytest.raises(Unsuitable, match="has 8 and 8 hidden units, and 4 are needed"):
         new(net_arch=(4,)).resume(new().policy())
+
+
+def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
+    earlier = learner(random_steps=4, exploration_noise=0.5, exploration_noise_final=0.1)
+    earlier.replay.count, earlier._done = 100, 50
+    earlier.update(*drawn(101))
+    kept = {name: array.copy() for name, array in earlier.kept().items()}
+    later = new(random_steps=4, batch_size=6, exploration_noise=0.5, exploration_noise_final=0.1, gradient_steps=2)
+    assert later.go_on(kept)
+    for own, other in ((later.actor, earlier.actor), (later.critics, earlier.critics)):
+        for name in ("online", "target", "average", "mean", "square"):
+            np.testing.assert_array_equal(getattr(own, name), getattr(other, name))
+    rates = [each.schedule.rate * each.schedule.decay**each._count for each in (later, earlier)]
+    assert rates[0] == pytest.approx(max(rates[1], 10**-3.5))
+    assert later._noise[[0, -1]] == pytest.approx([0.5 - 0.4 * 49 / 99, 0.1])
+    seen = np.random.default_rng(1).normal(size=(5, INPUTS))
+    np.testing.assert_array_equal(later.policy().act(seen), earlier.policy().act(seen))
+    before = later.actor.online.copy()
+    later.act(seen[:2])  # no random actions and no wait: it learns from what was kept
+    later.learn(seen[:2], np.zeros((2, 2)), Transition(seen[:2], np.zeros(2), seen[:2], np.zeros(2, np.int8)))
+    assert later._count > 100
+    assert (later.actor.online != before).any()
+    last = later.schedule.rate * later.schedule.decay ** (100 + 200 - 1)
+    assert last == pytest.approx(1e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("other", [{"net_arch": (4,)}, {"gamma": 0.5}, {"n_steps": 2}, {"reward_scale": 1.0}])
+def test_a_training_by_another_recipe_does_not_go_on(other: dict[str, Any]) -> None:
+    earlier = learner()
+    earlier.replay.count = 100
+    earlier._done = 1
+    assert new().go_on(earlier.kept())
+    assert not new(**other).go_on(earlier.kept())

@@ -5,21 +5,18 @@ from __future__ import annotations
 import shutil
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from helpers.played import Played
 from solver.conftest import FORMULA
 
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import parse_choice
 from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import Contestant, best_first, searcher
-from stlbench.solver.earlier import EarlierPolicy
-from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Race
 from stlbench.solver.run import _TRIES
@@ -32,127 +29,6 @@ from stlbench.tracks.auto import PATIENCE, automatic
 from stlbench_agents.cma_es import CMAES
 
 
-class Played:
-    """Stands for `run_study`: each cell takes a minute of a made-up clock, and satisfies from the share of its seed."""
-
-    wall, trained, most = 2.0, 1.0, 6000
-    """Seconds of a cell and of its training, and its steps, as it says."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, shares: dict[tuple[str, int], float]) -> None:
-        self.shares, self.cells, self.now = shares, list[tuple[str, str, str, int]](), 0.0
-        self.inits = list[Any]()
-        self.steps: dict[str, int] = {}
-        """Of each training of a method."""
-        self.last: dict[tuple[str, int], float] = {}
-        """The share of the last policy, where it is not that of the best."""
-        monkeypatch.setattr("stlbench.solver.trainer.run_study", self)
-        monkeypatch.setattr("stlbench.solver.clock.time", SimpleNamespace(perf_counter=lambda: self.now))
-
-    def __call__(self, **options: Any) -> list[Result]:
-        results = list[Result]()
-        self.inits.append(options["init"])
-        for seed, method, agent in product(options["seeds"], options["methods"], options["agents"]):
-            self.cells.append((options["budget"], method, agent, seed))
-            self.now += 60.0
-            results.append(self._result(*self.cells[-1]))
-            if options["until"](results[-1]):
-                break
-        return results
-
-    @staticmethod
-    def begun(init: dict[str, Path]) -> str:
-        """The method and the seed of the cell that trainings go on with."""
-        ((_, path),) = init.items()
-        return "/".join(path.name.split("_")[1:4:2])
-
-    def _result(self, budget: str, method: str, agent: str, seed: int) -> Result:
-        cell = CellId.parse(f"task/{method}/{agent}/{seed}/auto", budget)
-        share = self.shares.get((method, seed), 0.4)
-        measured = SimpleNamespace(
-            selection=SimpleNamespace(satisfaction=share, robustness_mean=share),
-            curve=[SimpleNamespace(satisfaction=self.last.get((method, seed), share))],
-            wall_seconds=self.wall,
-            training_wall_seconds=self.trained,
-            env_steps=self.steps.get(method, self.most),
-        )
-        return cast(Result, SimpleNamespace(id=cell, measurement=measured, key=f"{method}-{seed}"))
-
-
-def gone_on(
-    monkeypatch: pytest.MonkeyPatch,
-    satisfied: dict[int, int],
-    lost: int = 0,
-    shares: dict[tuple[str, int], float] | None = None,
-) -> tuple[Played, list[int]]:
-    """Ten minutes from a policy of seed 200 on, where each seed satisfies from so many of 100 further starts."""
-    played = Played(monkeypatch, shares or {})
-    monkeypatch.setattr(
-        "stlbench.solver.race.outlook",
-        lambda folder, result, starts: Outlook(100, satisfied.get(result.id.seed, 50), lost),
-    )
-    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
-    workspace.begin(10.0)
-    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
-    trainer = Race(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1)
-    improved = trainer.improve(first)
-    assert workspace.state["chosen"] == improved[0].key
-    assert [each.id.seed for each in improved if each.key == improved[0].key] == [improved[0].id.seed]
-    return played, [each.id.seed for each in improved]
-
-
-def test_a_policy_that_satisfies_from_all_further_starts_is_not_trained_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    played, seeds = gone_on(monkeypatch, {200: 100})
-    assert (len(played.cells), seeds) == (1, [200])
-    played, seeds = gone_on(monkeypatch, {200: 75}, lost=25)  # from 25 nothing can satisfy
-    assert (len(played.cells), seeds) == (1, [200])
-
-
-def test_a_certificate_that_can_rise_is_trained_for_from_the_best_policy(monkeypatch: pytest.MonkeyPatch) -> None:
-    played, seeds = gone_on(monkeypatch, {200: 90, 202: 95, 204: 100})
-    assert seeds[0] == 204
-    assert [cell[::3] for cell in played.cells[1:]] == [("more-1", 202), ("more-2", 204)]
-    assert [played.begun(init) for init in played.inits[1:]] == ["raw/200", "raw/202"]
-
-
-def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monkeypatch: pytest.MonkeyPatch) -> None:
-    played, seeds = gone_on(monkeypatch, {200: 90, 202: 80, 204: 85, 206: 92})
-    assert seeds[0] == 206
-    assert [init is None for init in played.inits[1:4]] == [False, True, False]
-    assert played.now <= 480  # the rest is for the delivery
-
-
-def test_fresh_networks_are_trained_only_if_they_have_more_time_than_the_best_policy_had(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    for name, value in {"wall": 400.0, "trained": 399.0, "most": 60_000}.items():
-        monkeypatch.setattr(Played, name, value)
-    played, seeds = gone_on(monkeypatch, {200: 90, 202: 80, 204: 85, 206: 92})
-    assert seeds[0] == 206
-    assert [init is None for init in played.inits[1:4]] == [False, False, False]
-
-
-def test_further_starts_and_those_for_selection_tell_together_which_policy_is_better(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    satisfied = {200: 90, 202: 89, **dict.fromkeys(range(204, 230), 50)}
-    assert gone_on(monkeypatch, satisfied)[1][0] == 200
-    shutil.rmtree("out")
-    assert gone_on(monkeypatch, satisfied, shares={("raw", 202): 0.5})[1][0] == 202  # 0.4 of 64 starts, and 0.5
-
-
-def test_what_the_next_training_begins_with_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    played, begun = Played(monkeypatch, {}), list[str]()
-    monkeypatch.setattr("stlbench.solver.race.outlook", lambda folder, result, starts: Outlook(100, 90, 0))
-    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
-    for start, place in ((None, "none"), (EarlierPolicy(Path("p.npz"), "", Contestant("raw", "dqn"), None), "some")):
-        workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(place))
-        workspace.begin(10.0)
-        played.now, said = 60.0, list[str]()
-        Race(workspace, Clock(10.0, 0.0), said.append, False, jobs=1, start=start).improve(first)
-        begun += [text.partition(":")[0].removeprefix("training on, from ") for text in said[:2]]
-    assert begun == ["the best policy", "fresh networks", "the best policy", "the earlier solution"]
-
-
 def test_a_race_of_which_no_row_can_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     Played(monkeypatch, {})
     monkeypatch.setattr("stlbench.solver.trainer.run_study", lambda **options: [])
@@ -162,16 +38,6 @@ def test_a_race_of_which_no_row_can_be_read_is_an_error(monkeypatch: pytest.Monk
 
 def test_each_number_of_a_try_has_seeds_that_a_study_takes() -> None:
     assert APART * _TRIES == MOST_SEEDS
-
-
-def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: pytest.MonkeyPatch) -> None:
-    played = Played(monkeypatch, {})
-    monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: pytest.fail("it looked"))
-    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
-    workspace.begin(10.0)
-    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
-    played.now = 490.0
-    assert Race(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
 
 
 def raced(minutes: float, jobs: int = 1, seed: int = 0) -> list[Result]:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from stlbench.errors import UsageError
 from stlbench.records import array_files
+from stlbench.records.array_files import digest
+from stlbench.records.result_files import cell_files
 from stlbench.registry.choices import choice_of, parse_choice, parse_choices
 from stlbench.study.cell import Cell
-from stlbench.study.initial import Initial, arrays_of, read
+from stlbench.study.initial import Initial, Stored, arrays_of, read
 from stlbench.study.plan import check_cells, plan_cells
+from stlbench.study.run import run_study
 from stlbench.study.study import Study
+from stlbench.task.reading import dump_yaml
 from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 
 GRID = (21, 13)  # of hold-disc
@@ -93,3 +98,50 @@ def test_a_file_that_changed_since_the_plan_is_refused(tmp_path: Path) -> None:
     policy(tmp_path / "one.npz", seed=1)
     with pytest.raises(UsageError, match="is no longer the policy"):
         arrays_of(cell)
+
+
+def test_each_method_may_start_from_its_own_policy(tmp_path: Path) -> None:
+    one, other = policy(tmp_path / "one.npz"), policy(tmp_path / "other.npz", seed=1)
+    options = {"tasks": "hold-disc", "methods": "raw,funnel,flag", "seeds": "1", "budget": "smoke", "agents": "dqn"}
+    cells = Study.of(options | {"init": {"raw": one, "funnel": other}}).cells()
+    assert [cell.init for cell in cells] == [one, other, None]
+    assert [str(cell.id.agent) for cell in cells] == [
+        f"dqn[init={Initial.of(one).digest[:16]}]",
+        f"dqn[init={Initial.of(other).digest[:16]}]",
+        "dqn",
+    ]
+    with pytest.raises(UsageError, match=r"^init: dense is no method of this study$"):
+        Study.of(options | {"init": {"dense": one}}).cells()
+
+
+def test_a_training_goes_on_with_one_of_the_same_task_and_method(tmp_path: Path) -> None:
+    """As a user: a budget that keeps the training, then `--init` with its file."""
+    home = tmp_path / "swing"
+    home.mkdir()
+    content = {
+        "title": "Swing",
+        "source": "made up",
+        "formula": "F[0,20] height >= 0.9",
+        "environment": {"id": "Pendulum-v1", "names": ["height", "side", "speed"]},
+        "sampling_time": 0.05,
+        "steps": 20,
+        "signals": {"height": {"low": -1, "high": 1}},
+        "starts": 4,
+        "budgets": {"kept": {"steps": 2000, "checkpoints": 1, "random_starts": 0, "resumable": True}},
+    }
+    (home / "task.yaml").write_text(dump_yaml(content), encoding="utf-8")
+    asked: dict[str, Any] = {"tasks": str(home), "agents": "td3[batch_size=8]", "seeds": 1, "budget": "kept", "jobs": 1}
+    (first,) = run_study(**asked, methods="raw", results=tmp_path / "first")
+    (path,) = (tmp_path / "first" / "trainings").iterdir()
+    assert path == cell_files(tmp_path / "first", first.id, first.key).training
+    stored = Stored.among(read(path))
+    assert first.measurement
+    assert first.measurement.policies
+    assert digest(stored.policy) == first.measurement.policies.final
+    assert len(stored.training["reward"]) == 2000
+    (second,) = run_study(**asked, methods="raw", results=tmp_path / "second", init=path)
+    assert str(second.id.agent) == f"td3[batch_size=8,init={Initial.of(path).digest[:16]}]"
+    (path,) = (tmp_path / "second" / "trainings").iterdir()
+    assert len(read(path)["training/reward"]) == 4000
+    with pytest.raises(UsageError, match=r"should be a training of swing/funnel, got swing/raw; a policy starts any"):
+        run_study(**asked, methods="funnel", results=tmp_path / "third", init=path)
