@@ -231,7 +231,9 @@ class Delivery:
         if self.best.id.budget.startswith(MORE):
             yield "It was trained on, after the policies before it."
         elif self.best.id.budget != FINAL:
-            ended = "it was interrupted before" if self.interrupted else "no time was left to train again"
+            ended = "it was interrupted then" if self.interrupted else "nothing was trained after it"
+            if any(result.id.budget.startswith(MORE) for result in self.trained):
+                ended = "no later training gave a better one"
             why = "no fresh seed is better on the selection starts" if each else ended
             yield f"The policy is from the race: {why}."
 

@@ -119,7 +119,7 @@ def test_what_an_interrupt_left_out_is_not_for_want_of_time(trained: Path, monke
     text = Path("my own/solution.md").read_text()
     assert "no time was left" not in text
     assert "interrupted before the film; `stlbench render" in text
-    assert "The policy is from the race: it was interrupted before." in text
+    assert "The policy is from the race: it was interrupted then." in text
 
 
 def test_a_confidence_is_not_rounded_to_certainty() -> None:
