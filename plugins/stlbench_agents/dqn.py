@@ -120,22 +120,25 @@ class _Trainee:
         updates = rounds * recipe.gradient_steps
         self._learner = recipe.learner(environment, self._counterfactuals.copies, seed, updates)
         self._generator = np.random.default_rng([seed, 1])
-        self._most = 1.0
+        self._most = self._epsilon = 1.0
 
     def resume(self, policy: Any) -> None:
         self._learner.resume(policy)
         self._most = _RESUMED
 
     def go_on(self, earlier: Arrays) -> bool:
-        return False
+        if not self._learner.go_on(earlier):
+            return False
+        self._most = float(earlier["epsilon"])
+        return True
 
     def kept(self) -> Arrays:
-        return {}
+        return {**self._learner.kept(), "epsilon": np.array(self._epsilon)}
 
     def act(self, observation: Array) -> Integers:
-        epsilon = min(self._most, self._recipe.exploration(self._done / self._rounds))
+        self._epsilon = min(self._most, self._recipe.exploration(self._done / self._rounds))
         self._done += 1
-        return self._learner.act(observation, epsilon, self._generator)
+        return self._learner.act(observation, self._epsilon, self._generator)
 
     def learn(self, observation: Array, action: Integers, transition: Transition) -> None:
         self._learner.learn(*self._counterfactuals.added(observation, action, transition), self._generator)
@@ -184,6 +187,14 @@ class Team:
         for learner, own in zip(self.learners, policy.robots, strict=True):
             learner.resume(own)
 
+    def kept(self) -> Arrays:
+        return {f"{i}.{name}": part for i, each in enumerate(self.learners) for name, part in each.kept().items()}
+
+    def go_on(self, earlier: Arrays) -> bool:
+        return all(
+            learner.go_on(own) for learner, own in zip(self.learners, _parts(earlier, len(self.learners)), strict=True)
+        )
+
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Joint actions (N,) at observations (N, D); each robot explores on its own, with probability `epsilon`."""
         own = [learner.act(observation, epsilon, generator) for learner in self.learners]
@@ -219,9 +230,14 @@ class TeamPolicy(Policy):
     def of(cls, arrays: Arrays, grid: ActionGrid) -> TeamPolicy:
         from stlbench_agents.q_policy import GreedyPolicy
 
-        own = [
-            {name.removeprefix(f"{i}."): part for name, part in arrays.items() if name.startswith(f"{i}.")}
-            for i in range(len(grid.parts))
-        ]
-        robots = [GreedyPolicy.of(part, each.shape) for part, each in zip(own, grid.parts, strict=True)]
+        own = zip(_parts(arrays, len(grid.parts)), grid.parts, strict=True)
+        robots = [GreedyPolicy.of(part, each.shape) for part, each in own]
         return cls(robots, [each.size for each in grid.parts])
+
+
+def _parts(arrays: Arrays, robots: int) -> list[Arrays]:
+    """Those of each robot, whose names begin with its number."""
+    return [
+        {name.removeprefix(f"{i}."): part for name, part in arrays.items() if name.startswith(f"{i}.")}
+        for i in range(robots)
+    ]

@@ -248,10 +248,9 @@ class Weights(NamedTuple):
         online, target, average, mean, square = map(aligned, kept)
         return Weights(online, target, average, zeros(online.shape, online.dtype), mean, square)
 
-
-def decay(first: float, last: float, updates: int) -> float:
-    """The factor from one update's learning rate to the next, if it falls geometrically over so many updates."""
-    return float((last / first) ** (1 / max(1, updates - 1)))
+    def fit(self, kept: Floats) -> bool:
+        """Whether these `kept` vectors are of a network as large."""
+        return kept.shape[1:] == self.online.shape
 
 
 @inlined

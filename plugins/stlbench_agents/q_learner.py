@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Integers, Transition, Unsuitable
+from stlbench.contract import ActionGrid, Array, Arrays, Integers, Transition, Unsuitable
 from stlbench_agents.engine import Network, QBuffers, actions, additive_gradient, joint_gradient
 from stlbench_agents.kernels import compiled, fixed_types, inlined
-from stlbench_agents.layers import OutputBuffers, Weights, decay, step
+from stlbench_agents.layers import OutputBuffers, Weights, step
 from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-from stlbench_agents.training import refuse_other, resumed_rate
+from stlbench_agents.training import decay, rates_after, refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.dqn import DQN
@@ -79,6 +79,23 @@ class QLearner:
         self.schedule = self.schedule._replace(
             rate=first, decay=decay(first, self.recipe.learning_rate_final, self._updates)
         )
+
+    def kept(self) -> Arrays:
+        """The weights with Adam's moments, the newest transitions, and the place in the schedule."""
+        numbers = self._count, self.schedule.rate * self.schedule.decay**self._count
+        return {"weights": self.weights.kept(), **self.replay.kept(), "numbers": np.array(numbers)}
+
+    def go_on(self, earlier: Arrays) -> bool:
+        """Go on with these `kept` arrays; False if they are of another network or of another recipe for returns."""
+        if not (self.replay.fits(earlier) and self.weights.fit(earlier["weights"])):
+            return False
+        self.weights = Weights.again(earlier["weights"])
+        self.replay.refill(earlier)
+        count, rate = earlier["numbers"].tolist()
+        self._count = int(count)
+        first, factor = rates_after(self._count, rate, self.recipe, self._updates)
+        self.schedule = self.schedule._replace(rate=first, decay=factor)
+        return True
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""

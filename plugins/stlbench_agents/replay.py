@@ -131,10 +131,19 @@ class Replay:
         rows = min(self.count, self._rows, _KEPT // self._copies)
         steps = np.arange(self.count - rows, self.count) % self._rows
         places = (steps[:, None] * self._copies + np.arange(self._copies)).ravel()
-        return {name: getattr(self.memory, name)[places] for name in _STORED} | {"bounds": self.memory.bounds}
+        kept = {name: getattr(self.memory, name)[places] for name in _STORED}
+        return {**kept, "bounds": self.memory.bounds, "returns": self._returns}
+
+    @property
+    def _returns(self) -> Array:
+        return np.array([self._copies, self._n, self._gamma, self._scale])
+
+    def fits(self, kept: Arrays) -> bool:
+        """Whether these `kept` transitions are of as many copies, and of the same returns and weights."""
+        return bool((kept["returns"] == self._returns).all())
 
     def refill(self, kept: Arrays) -> None:
-        """Begin with the transitions of another replay of the same copies, returns and weights."""
+        """Begin with the transitions of another replay, which fit."""
         rows = min(len(kept["reward"]) // self._copies, self._rows)
         for name in _STORED:
             getattr(self.memory, name)[: rows * self._copies] = kept[name][-rows * self._copies :]

@@ -20,7 +20,6 @@ from stlbench_agents.layers import (
     Weights,
     back_hidden,
     back_outputs,
-    decay,
     hidden,
     layout,
     outputs,
@@ -33,7 +32,7 @@ from stlbench_agents.layers import (
 from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.replay import Batch, Memory, Replay, bounded_target, gather
-from stlbench_agents.training import refuse_other, resumed_rate
+from stlbench_agents.training import decay, rates_after, refuse_other, resumed_rate
 
 if TYPE_CHECKING:
     from stlbench_agents.td3 import TD3
@@ -278,27 +277,22 @@ class TD3Learner:
 
     def kept(self) -> Arrays:
         """The weights with Adam's moments, the newest transitions, and the place in the schedule."""
-        recipe = self.recipe
         numbers = self._count, self.schedule.rate * self.schedule.decay**self._count, self._noise[self._done - 1]
-        known = recipe.gamma, recipe.n_steps, recipe.reward_scale, self._copies
         weights = {"actor": self.actor.kept(), "critics": self.critics.kept()}
-        return {**weights, **self.replay.kept(), "numbers": np.array(numbers), "recipe": np.array(known)}
+        return {**weights, **self.replay.kept(), "numbers": np.array(numbers)}
 
     def go_on(self, earlier: Arrays) -> bool:
         """Go on with these `kept` arrays; False if they are of other networks or of another recipe for returns."""
-        recipe, weights = self.recipe, (self.actor, self.critics)
-        known = recipe.gamma, recipe.n_steps, recipe.reward_scale, self._copies
-        shapes = [earlier[name].shape[1:] for name in ("actor", "critics")]
-        if shapes != [each.online.shape for each in weights] or earlier["recipe"].tolist() != [*known]:
+        recipe, own = self.recipe, {"actor": self.actor, "critics": self.critics}
+        if not (self.replay.fits(earlier) and all(weights.fit(earlier[name]) for name, weights in own.items())):
             return False
         self.actor, self.critics = Weights.again(earlier["actor"]), Weights.again(earlier["critics"])
         self.replay = self._empty_replay(self._rounds + len(earlier["reward"]) // self._copies)
         self.replay.refill(earlier)
         count, rate, noise = earlier["numbers"].tolist()
-        first, least = max(rate, resumed_rate(recipe)), recipe.learning_rate_final
-        factor = decay(first, least, self._rounds * recipe.gradient_steps)
         self._count = int(count) // recipe.policy_delay * recipe.policy_delay
-        self.schedule = self.schedule._replace(rate=first / factor**self._count, decay=factor)
+        first, factor = rates_after(self._count, rate, recipe, self._rounds * recipe.gradient_steps)
+        self.schedule = self.schedule._replace(rate=first, decay=factor)
         self._noise = np.linspace(noise, min(noise, self._noise[-1]), self._rounds)
         self._random_steps = self._waiting = 0
         return True

@@ -68,6 +68,21 @@ def resumed_rate(recipe: Learner) -> float:
     return math.sqrt(recipe.learning_rate * recipe.learning_rate_final)
 
 
+def decay(first: float, last: float, updates: int) -> float:
+    """The factor from one update's learning rate to the next, if it falls geometrically over so many updates."""
+    return float((last / first) ** (1 / max(1, updates - 1)))
+
+
+def rates_after(count: int, rate: float, recipe: Learner, updates: int) -> tuple[float, float]:
+    """The learning rate and its factor for a training of so many updates that goes on after `count` others.
+
+    It goes on with the last rate, or with that of a training from a policy if this is more.
+    """
+    first = max(rate, resumed_rate(recipe))
+    factor = decay(first, recipe.learning_rate_final, updates)
+    return first / factor**count, factor
+
+
 Share = Annotated[float, Field(ge=0, le=1)]
 ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
 Count = Annotated[int, Field(ge=1)]

@@ -10,7 +10,7 @@ from helpers import plain_q
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Event, Integers, Transition, Unsuitable
-from stlbench_agents.dqn import DQN
+from stlbench_agents.dqn import DQN, Team
 from stlbench_agents.policies import Head
 from stlbench_agents.q_learner import QLearner
 from stlbench_agents.q_policy import GreedyPolicy
@@ -191,3 +191,27 @@ def test_a_policy_of_another_network_is_refused() -> None:
         learner(net_arch=(4,)).resume(learner().policy())
     with pytest.raises(Unsuitable, match="has head joint, and the recipe additive"):
         learner(head="additive").resume(learner().policy())
+
+
+def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
+    earlier = learner(seed=1)
+    earlier.replay.count, earlier._count = 20, 30
+    earlier.weights.mean[:] = 0.5
+    later = learner(seed=2)
+    assert later.go_on({name: array.copy() for name, array in earlier.kept().items()})
+    for name in ("online", "target", "average", "mean", "square"):
+        np.testing.assert_array_equal(getattr(later.weights, name), getattr(earlier.weights, name))
+    assert (later._count, later.replay.count) == (30, 20)
+    rates = [each.schedule.rate * each.schedule.decay**30 for each in (later, earlier)]
+    assert rates[0] == pytest.approx(max(rates[1], (earlier.recipe.learning_rate * 3e-5) ** 0.5))
+    for other in ({"net_arch": (4,)}, {"gamma": 0.5}, {"n_steps": 2}, {"reward_scale": 3.0}):
+        assert not learner(**other).go_on(earlier.kept())
+
+
+def test_the_robots_of_a_team_go_on_each_with_its_own() -> None:
+    earlier, later = (Team([learner(seed=seed + i) for i in range(2)], (2, 2)) for seed in (1, 5))
+    for each in earlier.learners:
+        each.replay.count = 20
+    assert later.go_on(earlier.kept())
+    for own, other in zip(later.learners, earlier.learners, strict=True):
+        np.testing.assert_array_equal(own.weights.online, other.weights.online)
