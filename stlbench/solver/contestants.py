@@ -56,14 +56,15 @@ def is_promising(result: Result, task: Task) -> bool:
     return satisfies(result) or share >= idle + _PROMISING_SHARE * (1 - idle)
 
 
-def cost(result: Result, scoring: float) -> tuple[float, float]:
-    """Seconds of a cell apart from its training and its checkpoints, each of so many seconds; and of training per step.
+def cost(result: Result, episode_seconds: float) -> tuple[float, float]:
+    """Seconds of a cell apart from its training and the episodes of its checkpoints; and of training per step.
 
     The former hardly depend on the steps.
     """
     measured = result.measurement
     assert measured is not None
-    apart = measured.wall_seconds - measured.training_wall_seconds - len(measured.curve) * scoring
+    scored = sum(point.starts for point in measured.curve) * episode_seconds
+    apart = measured.wall_seconds - measured.training_wall_seconds - scored
     return max(0.0, apart), measured.training_wall_seconds / measured.env_steps
 
 

@@ -67,7 +67,7 @@ class Race(Trainer):
         # seconds end the probe: its steps could take all time, as nothing is known of the speed yet
         steps, seconds = self.workspace.task.budget("probe").steps, _PROBE_SHARE * 60 * self.clock.minutes
         lasting = steps / self.workspace.task.file.steps * self.workspace.episode_seconds
-        few = _PROBE_CHECKPOINTS if lasting > seconds else min(_PROBE_CHECKPOINTS, self._training(seconds, 0.0)[0])
+        few = _PROBE_CHECKPOINTS if lasting > seconds else self._checkpoints(seconds, (1, _PROBE_CHECKPOINTS))
         self._write("probe", steps, seconds, few, _PATIENCE)
         probing = racing[:1]
         if self.start is None and self._at_once > 1:  # a core is idle, so that the second recipe costs no time
@@ -132,7 +132,7 @@ class Race(Trainer):
 
         Raises `UsageError` where it is too short even for one.
         """
-        apart, each = cost(probe, self._scoring)
+        apart, each = cost(probe, self.workspace.episode_seconds)
         steps, given = self.workspace.task.file.steps, 60 * tries.RACE_SHARE * self.clock.minutes
         least = tries.least(self.workspace.task)
         if given < least * each:
@@ -174,7 +174,7 @@ class Race(Trainer):
             self.say("too little time is left to train again with fresh seeds")
             return []
         if FINAL not in self.workspace.task.file.budgets:
-            apart, each = cost(winner, self._scoring)
+            apart, each = cost(winner, self.workspace.episode_seconds)
             turns = -(-len(FINAL_SEEDS) // self._at_once)
             if self._left / turns < enough:
                 turns = 1  # one seed for all of the time
@@ -229,20 +229,25 @@ class Race(Trainer):
         starts = self.workspace.task.file.starts
         return (seen.satisfied + starts * share) / (seen.starts + starts), robustness
 
+    @property
+    def _look(self) -> int:
+        """Further starts for a look at a policy."""
+        return int(np.clip(_LOOK_SHARE * 60 * self.clock.minutes / self.workspace.episode_seconds, *_LOOK_STARTS))
+
     def _outlook(self, result: Result) -> Outlook:
-        starts = int(np.clip(_LOOK_SHARE * 60 * self.clock.minutes / self.workspace.episode_seconds, *_LOOK_STARTS))
-        return outlook(self.workspace.folder / cells_of(result.id.budget), result, starts)
+        return outlook(self.workspace.folder / cells_of(result.id.budget), result, self._look)
 
     def _plan_more(self, budget: str, best: Result) -> bool:
         """Write the budget of one more training, of half of the time that is left or of all; whether one fits."""
         if budget in self.workspace.task.file.budgets:
             return True  # a solve that was stopped has written it
-        apart, each = cost(best, self._scoring)
+        apart, each = cost(best, self.workspace.episode_seconds)
         assert best.measurement is not None
-        if self._left < 2 * (apart + tries.least(self.workspace.task) * each):
+        left = self._left - min(_SIDE_BY_SIDE, self._at_once) * self._look * self.workspace.episode_seconds
+        if left < 2 * (apart + tries.least(self.workspace.task) * each):
             return False
-        half = self._left / 2
-        checkpoints, seconds = self._training(half if half >= best.measurement.wall_seconds else self._left, apart)
+        half = left / 2
+        checkpoints, seconds = self._training(half if half >= best.measurement.wall_seconds else left, apart)
         self._write(budget, int(seconds / each), seconds, checkpoints, patience=checkpoints)
         return True
 

@@ -25,9 +25,9 @@ from stlbench.study.run import run_study
 from stlbench.study.scheduler import build_executor
 
 APART = 1000  # the distance of the seeds of one try from those of the next
-_DELIVERY_SHARE = 0.2
+_DELIVERY_SHARE = 0.15
 """The share of the time for certificate, counterexamples and files. The final training has what the race leaves."""
-_SCORING_SHARE, _CHECKPOINTS = 0.2, (4, 20)
+_SCORING_SHARE, _CHECKPOINTS = 0.2, (2, 20)
 """The share of a training's time that may go to checkpoints, and how many of these there are at least and at most."""
 _CHECKPOINT_STARTS = 8  # starts from which a checkpoint is scored during a training, at least
 OVERTIME = 1.15  # a training that is slower than planned ends after so many times the seconds planned
@@ -141,8 +141,11 @@ class Trainer:
 
     def _training(self, seconds: float, apart: float) -> tuple[int, float]:
         """For a cell of so many seconds: its checkpoints, and the seconds of its training."""
-        checkpoints = int(np.clip(_SCORING_SHARE * seconds / self._scoring, *_CHECKPOINTS))
+        checkpoints = self._checkpoints(seconds, _CHECKPOINTS)
         return checkpoints, max(seconds / 2, seconds - apart - checkpoints * self._scoring)
+
+    def _checkpoints(self, seconds: float, limits: tuple[int, int]) -> int:
+        return int(np.clip(_SCORING_SHARE * seconds / self._scoring, *limits))
 
     @property
     def _scoring(self) -> float:

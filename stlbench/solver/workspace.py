@@ -38,7 +38,7 @@ _WIDE_PACE = 0.7
 """The windows are then so wide that a goal can be reached in 70 % of the time that there is at most."""
 _WITNESSES = 4
 """Starts of training from which one is searched, at most."""
-_FIRST_LOOK_SHARE = 0.03
+_FIRST_LOOK_SHARE = 0.02
 """The share of the time for each of the first tries: scores, and constant actions."""
 _PLAY_SECONDS = 5.0
 """Seconds for which a slow environment may be played at least, before anything is known of its signals."""

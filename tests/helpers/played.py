@@ -51,7 +51,7 @@ class Played:
         share = self.shares.get((method, seed), 0.4)
         measured = SimpleNamespace(
             selection=SimpleNamespace(satisfaction=share, robustness_mean=share),
-            curve=[SimpleNamespace(satisfaction=self.last.get((method, seed), share))],
+            curve=[SimpleNamespace(satisfaction=self.last.get((method, seed), share), starts=64)],
             wall_seconds=self.wall,
             training_wall_seconds=self.trained,
             env_steps=self.steps.get(method, self.most),

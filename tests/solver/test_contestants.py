@@ -98,10 +98,11 @@ def test_a_wrong_second_recipe_is_told_with_its_agent(monkeypatch: pytest.Monkey
 
 
 def test_the_cost_of_a_cell_is_that_apart_from_its_checkpoints_and_that_of_a_step() -> None:
-    measured = SimpleNamespace(wall_seconds=30.0, training_wall_seconds=10.0, env_steps=20_000, curve=[None] * 10)
+    curve = [SimpleNamespace(starts=starts) for starts in (8, 8, 64)]
+    measured = SimpleNamespace(wall_seconds=30.0, training_wall_seconds=10.0, env_steps=20_000, curve=curve)
     result = cast(Result, SimpleNamespace(measurement=measured))
-    assert cost(result, 1.5) == (5.0, 0.0005)
-    assert cost(result, 3.0)[0] == 0.0  # they took less than was planned for them
+    assert cost(result, 0.125) == (10.0, 0.0005)
+    assert cost(result, 0.5)[0] == 0.0  # episodes that end early take less time than a whole one
 
 
 def test_where_no_method_fits_each_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,7 +63,7 @@ def test_where_the_best_policy_leads_no_further_fresh_networks_are_trained(monke
     played, seeds = gone_on(monkeypatch, {200: 90, 202: 80, 204: 85, 206: 92})
     assert seeds[0] == 206
     assert [init is None for init in played.inits[1:4]] == [False, True, False]
-    assert played.now <= 480  # the rest is for the delivery
+    assert played.now - 60 < 510  # when the last one began; the rest is for the delivery
 
 
 def test_fresh_networks_are_trained_only_if_they_have_more_time_than_the_best_policy_had(
@@ -104,7 +104,7 @@ def test_no_further_starts_are_tried_in_the_time_of_the_delivery(monkeypatch: py
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(10.0)
     first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
-    played.now = 490.0
+    played.now = 515.0
     assert Race(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
 
 

@@ -218,7 +218,7 @@ def test_trainings_that_run_side_by_side_all_end(monkeypatch: pytest.MonkeyPatch
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(3.0)
     (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
-    played.now = 120.0  # the delivery begins at 144
+    played.now = 120.0  # the delivery begins at 153
     Race(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=jobs).final(winner)
     assert [cell[3] for cell in played.cells[1:]] == seeds
 
@@ -238,7 +238,7 @@ def test_a_short_final_training_has_one_seed_for_all_of_the_time(monkeypatch: py
     assert planned[3.0] > 1.2 * planned[4.0]
 
 
-@pytest.mark.parametrize(("seconds", "seeds"), [(90.0, [200]), (100.0, [])])
+@pytest.mark.parametrize(("seconds", "seeds"), [(96.0, [200]), (106.0, [])])
 def test_fresh_seeds_train_only_where_they_have_more_time_than_the_winner(
     monkeypatch: pytest.MonkeyPatch, seconds: float, seeds: list[int]
 ) -> None:
@@ -246,7 +246,7 @@ def test_fresh_seeds_train_only_where_they_have_more_time_than_the_winner(
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(3.0)
     (winner,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
-    cast(Any, winner.measurement).wall_seconds, played.now = seconds, 0.0  # 144 until the delivery
+    cast(Any, winner.measurement).wall_seconds, played.now = seconds, 0.0  # 153 until the delivery
     trained = Race(workspace, Clock(3.0), lambda text: None, False, jobs=1).final(winner)
     assert [result.id.seed for result in trained] == seeds
 
@@ -255,7 +255,7 @@ def test_a_race_of_one_rung_has_all_of_the_time_that_is_left_and_another_at_most
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     planned = dict[tuple[int, float], float]()
-    for racing, spent in product((2, 4), (0.0, 72.0)):  # of 144 until the delivery
+    for racing, spent in product((2, 4), (0.0, 76.5)):  # of 153 until the delivery
         played = Played(monkeypatch, {})
         workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path(f"out-{racing}-{spent:g}"))
         workspace.begin(3.0)
@@ -268,7 +268,7 @@ def test_a_race_of_one_rung_has_all_of_the_time_that_is_left_and_another_at_most
         turns = {2: (2,), 4: (4, 2)}[racing]
         seconds = [budgets[f"rung-{rung}"].seconds or 0.0 for rung, _ in enumerate(turns, 1)]
         planned[racing, spent] = sum(map(float.__mul__, seconds, map(float, turns)))
-    assert planned[2, 0.0] == pytest.approx(1.15 * 144, rel=0.05)  # but what a cell and its scores cost
-    assert planned[2, 72.0] == pytest.approx(1.15 * 72, rel=0.1)
-    assert planned[4, 0.0] == pytest.approx(1.15 * 72, rel=0.15)
-    assert planned[4, 72.0] == pytest.approx(1.15 * 36, abs=1.15 * 10)  # six cells cost a second each, and scores
+    assert planned[2, 0.0] == pytest.approx(1.15 * 153, rel=0.05)  # but what a cell and its scores cost
+    assert planned[2, 76.5] == pytest.approx(1.15 * 76.5, rel=0.1)
+    assert planned[4, 0.0] == pytest.approx(1.15 * 76.5, rel=0.15)
+    assert planned[4, 76.5] == pytest.approx(1.15 * 38, abs=1.15 * 10)  # six cells cost a second each, and scores
