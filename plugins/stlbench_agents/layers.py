@@ -249,8 +249,8 @@ class Weights(NamedTuple):
         return Weights(online, target, average, zeros(online.shape, online.dtype), mean, square)
 
     def fit(self, kept: Floats) -> bool:
-        """Whether these `kept` vectors are of a network as large."""
-        return kept.shape[1:] == self.online.shape
+        """Whether these `kept` vectors are of a network as large, in the same precision."""
+        return kept.shape[1:] == self.online.shape and kept.dtype == self.online.dtype
 
 
 @inlined

@@ -89,6 +89,8 @@ class QLearner:
         """Go on with these `kept` arrays; False if they are of another network or of another recipe for returns."""
         if not (self.replay.fits(earlier) and self.weights.fit(earlier["weights"])):
             return False
+        if len(action := earlier["action"]) and not (action.min() >= 0 and action.max() < self._actions):
+            raise ValueError(f"actions should be numbers below {self._actions}")  # compiled code would not notice
         self.weights = Weights.again(earlier["weights"])
         self.replay.refill(earlier)
         count, rate = earlier["numbers"].tolist()

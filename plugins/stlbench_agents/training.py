@@ -220,7 +220,10 @@ class LockStepAgent(OffPolicy, CompiledAgent):
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner, reports = self.begin(environment, training.seed, rounds), report_rounds(rounds, training.checkpoints)
-        goes_on = training.earlier is not None and learner.go_on(training.earlier)
+        try:
+            goes_on = training.earlier is not None and learner.go_on(training.earlier)
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            raise contract.Unsuitable(f"the training to go on with is damaged: {contract.cause(error)}") from error
         if training.initial is not None and not goes_on:
             learner.resume(self.restore(training.initial, environment.actions))
         observation = environment.reset()

@@ -130,8 +130,11 @@ def check_cells(cells: Iterable[Cell]) -> Checked:
     planned, notes, agents = tuple(cells), dict[str, None](), list[tuple[Choice, Agent]]()
     for method in dict.fromkeys(cell.id.method for cell in planned):
         plugins.check("methods", method)
-    alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in planned}
-    for cell in alike.values():  # whatever its method and seed
+    alike = {
+        (cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe), cell.init and cell.id.method): cell
+        for cell in planned
+    }
+    for cell in alike.values():  # whatever its seed, and its method unless it starts from a policy
         task, agent = cell.load_task(), cell.id.agent
         with plugins.guarded(f"agent {agent}"):
             agents.append((agent, build_agent(task, agent)))

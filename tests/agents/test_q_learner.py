@@ -206,6 +206,8 @@ def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
     assert rates[0] == pytest.approx(max(rates[1], (earlier.recipe.learning_rate * 3e-5) ** 0.5))
     for other in ({"net_arch": (4,)}, {"gamma": 0.5}, {"n_steps": 2}, {"reward_scale": 3.0}):
         assert not learner(**other).go_on(earlier.kept())
+    with pytest.raises(ValueError, match="actions should be numbers below"):
+        later.go_on(earlier.kept() | {"action": np.array([10**9])})
 
 
 def test_the_robots_of_a_team_go_on_each_with_its_own() -> None:
