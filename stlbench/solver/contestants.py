@@ -26,8 +26,8 @@ from stlbench.tracks.auto import automatic, scheduled
 
 _MOST = 4  # contestants
 _PROMISING_SHARE = 0.5
-"""A method whose best and last policies satisfy from such a share of the starts from which no baseline does learns: the
-race ends, and it trains on."""
+"""A race ends with a method whose best and last policies satisfy from more than such a share of the starts from which
+no baseline does."""
 _FRESH_RATIO = 1.5  # seconds of a training by fresh seeds, over those of the winner, at least
 _LONG = 20
 """A second agent races too if there are at least so many minutes."""
@@ -46,14 +46,22 @@ def satisfies(result: Result) -> bool:
     return rank(result)[0] == 1
 
 
-def is_promising(result: Result, task: Task) -> bool:
-    """Whether it learns: not if it hardly beats a baseline, or was good for one moment of an unstable training."""
+def has_learned(result: Result, task: Task, wanted: float = 0.0) -> bool:
+    """Whether it satisfies from more than a share of the starts from which no baseline does.
+
+    It does not if it was good for one moment of an unstable training.
+    """
     if result.measurement is None:
         return False
     stated = task.file.baselines
     idle = max(each.satisfied for each in (stated.zero, stated.constant, stated.random)) if stated else 0.0
     share = min(rank(result)[0], result.measurement.curve[-1].satisfaction)
-    return satisfies(result) or share >= idle + _PROMISING_SHARE * (1 - idle)
+    return satisfies(result) or share > idle + wanted * (1 - idle)
+
+
+def is_promising(result: Result, task: Task) -> bool:
+    """Whether a race ends with it."""
+    return has_learned(result, task, _PROMISING_SHARE)
 
 
 def cost(result: Result, episode_seconds: float) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from stlbench.solver.contestants import (
     cost,
     enough_afresh,
     gains,
+    has_learned,
     is_promising,
     playing,
     rank,
@@ -98,7 +99,7 @@ class Race(Trainer):
         while len(racing) > 1 and not self._is_promising(best) and self._left:
             self.say(f"race, rung {rung}: {', '.join(each.beside(racing[0]) for each in racing)}; {_score(best)}")
             # another seed in each rung, so that a lucky one does not carry a method to the end
-            after = [*filter(self._is_kept, latest.values())]
+            after = [*filter(self._goes_on, latest.values())]
             ranked = self.train(f"rung-{rung}", racing, [FIRST_SEED + rung], self._is_promising, after=after)
             latest |= {Contestant.of(each): each for each in ranked if each.measurement is not None}
             best = max(ranked[0], best, key=rank)
@@ -163,12 +164,12 @@ class Race(Trainer):
     def final(self, winner: Result) -> list[Result]:
         """The winner, trained with fresh seeds until one satisfies from all starts for selection; the best first.
 
-        There is none if a training can go on with the winner's (`improve`), or where the time before the delivery is
-        too short: a fresh seed would learn less than the winner.
+        There is none if a training goes on with the winner's (`improve`), or where the time before the delivery is too
+        short: a fresh seed would learn less than the winner.
         """
         assert winner.measurement is not None
         enough = enough_afresh(self._lasted(winner))
-        if self._is_kept(winner):
+        if self._goes_on(winner):
             return []
         if self._left < enough and not self._done(FINAL):
             self.say("too little time is left to train again with fresh seeds")
@@ -194,7 +195,8 @@ class Race(Trainer):
     def improve(self, trained: Sequence[Result]) -> list[Result]:
         """Train on while time is left, and further starts show that the certificate can rise; the best first.
 
-        In turn, from the best policy and from fresh networks: the other way follows one that was no better.
+        In turn, from the best policy and from fresh networks: the other way follows one that was no better. A policy
+        that learned nothing is not trained on.
         """
         if not self._left:  # on a slow environment the look itself takes long
             self.workspace.remember(chosen=trained[0].key)
@@ -206,6 +208,7 @@ class Race(Trainer):
                 break
             contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _SIDE_BY_SIDE * (turn - 1)
             onward = onward or self._left < enough_afresh(self._lasted(best))
+            onward = onward and has_learned(best, self.workspace.task)
             after = [best] if onward and resumes(contestant.agent) else []
             begun = "fresh networks" if self.start is None else "the earlier solution"
             how = "the best policy" if after else begun

@@ -127,7 +127,7 @@ class Keeping(Played):
 def test_each_training_of_a_race_goes_on_with_the_one_before_of_its_contestant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    played = Keeping(monkeypatch, {(method, 100): 0.0 for method in ("funnel", "tltl")})
+    played = Keeping(monkeypatch, {(method, 100): 0.45 for method in ("funnel", "tltl")})
     workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
     workspace.begin(60.0)
     race = Race(workspace, Clock(60.0), lambda text: None, False, jobs=1)
@@ -180,3 +180,17 @@ def test_files_of_trainings_are_removed_but_through_no_link(tmp_path: Path) -> N
     with pytest.raises(UsageError, match="is a link"):
         workspace.drop_trainings()
     assert (tmp_path / "elsewhere").is_dir()
+
+
+def test_what_learned_nothing_is_not_gone_on_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    methods = ("funnel", "tltl", "raw", "causation")
+    played = Keeping(monkeypatch, {(method, seed): 0.0 for method in methods for seed in range(300)})
+    monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: Outlook(100, 0, 0))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(30.0)
+    race = Race(workspace, Clock(30.0), lambda text: None, False, jobs=1)
+    winner = race.race()
+    finals = race.final(winner)
+    race.improve([*finals, winner])
+    assert {cell[0] for cell in played.cells} >= {"rung-1", "rung-2", "final", "more-1"}
+    assert not any(isinstance(init, dict) for init in played.inits)
