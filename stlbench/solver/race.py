@@ -48,8 +48,9 @@ runs of `cma-es` on drawn tasks 30 learned, and 23 of them after 30 episodes or 
 _PROBE_CHECKPOINTS = 10
 """Its checkpoints, at most. Each is scored from all starts, which is dear; and the probe ends at one."""
 _PATIENCE = 0  # a training of the race ends at the first checkpoint that satisfies from all starts for selection
-_FIRST_RUNG_EPISODES = 100
-"""Episodes of the first rung. If the time does not suffice for so many, fewer methods race."""
+_FIRST_RUNG_EPISODES, _OVER_PROBE = 100, 2
+"""Episodes of the first rung, and its steps over those of the probe, which learned too little. If the time does not
+suffice for so many, fewer methods race."""
 _MOST_WINNER_STEPS = 4  # the final training has at most so many times those of a winner that satisfied from all starts
 _LOOK_SHARE, _LOOK_STARTS = 0.02, (100, 500)
 """The share of the time for a look from further starts, and how many these are at least and at most."""
@@ -143,13 +144,15 @@ class Race(Trainer):
                 f"about {tries.least_minutes(self.workspace.task, each):.2g} minutes are needed"
             )
         count = len(racing)
+        assert probe.measurement is not None
+        enough = max(_FIRST_RUNG_EPISODES * steps, _OVER_PROBE * probe.measurement.env_steps)
         most = 1 if racing[0].agent == str(probe.id.agent) else _OTHER_SPEED
         while count > 1:
             rungs = waves(count, self._at_once)
             shared = self._left if len(rungs) == 1 else min(given, self._left / 2)  # one rung is the final training
             first = shared / sum(wave * _RUNG_RATIO**rung for rung, wave in enumerate(rungs))
             checkpoints, seconds = self._training(first, apart)
-            if seconds >= _FIRST_RUNG_EPISODES * steps * each and first >= 2 * apart:
+            if seconds >= enough * each and first >= 2 * apart:
                 for rung in range(len(rungs)):
                     checkpoints, seconds = self._training(first * _RUNG_RATIO**rung, apart)
                     self._write(f"rung-{rung + 1}", int(most * seconds / each), seconds, checkpoints, _PATIENCE)

@@ -272,3 +272,19 @@ def test_a_race_of_one_rung_has_all_of_the_time_that_is_left_and_another_at_most
     assert planned[2, 76.5] == pytest.approx(1.15 * 76.5, rel=0.1)
     assert planned[4, 0.0] == pytest.approx(1.15 * 76.5, abs=1.15 * 15)
     assert planned[4, 76.5] == pytest.approx(1.15 * 38, abs=1.15 * 10)  # six cells cost a second each, and scores
+
+
+@pytest.mark.parametrize(("steps", "racing"), [(6_000, 4), (40_000, 2)])
+def test_a_first_rung_has_twice_the_steps_of_the_probe_or_fewer_methods_race(
+    monkeypatch: pytest.MonkeyPatch, steps: int, racing: int
+) -> None:
+    played = Played(monkeypatch, {})
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(3.0)
+    (probe,) = played(budget="probe", methods=["raw"], agents=["dqn"], seeds=[100], until=bool, init=None)
+    cast(Any, probe.measurement).env_steps, cast(Any, probe.measurement).training_wall_seconds = steps, steps / 6000
+    cast(Any, probe.measurement).wall_seconds, played.now = steps / 6000 + 1, 0.0
+    trainer = Race(workspace, Clock(3.0, 0.0), lambda text: None, False, jobs=1)
+    assert trainer._plan([Contestant(method, "dqn") for method in ("raw", "tltl", "dense", "flag")], probe) == racing
+    rungs = [budget for name, budget in workspace.task.file.budgets.items() if name.startswith("rung")]
+    assert all(rung.steps >= 2 * steps for rung in rungs)
