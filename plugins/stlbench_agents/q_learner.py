@@ -27,6 +27,7 @@ class Schedule(NamedTuple):
     interval: int
     averaging: float
     double: bool
+    begun: int  # updates of the training that this one goes on with
 
 
 class QLearner:
@@ -61,6 +62,7 @@ class QLearner:
             recipe.target_update_interval,
             recipe.averaging,
             recipe.double,
+            0,
         )
         self._actions, self._copies, self._count, self._updates = grid.size, copies, 0, updates
         self._batch = Batch.of(recipe.batch_size, size)
@@ -82,7 +84,8 @@ class QLearner:
 
     def kept(self) -> Arrays:
         """The weights with Adam's moments, the newest transitions, and the place in the schedule."""
-        numbers = self._count, self.schedule.rate * self.schedule.decay**self._count
+        rate = self.schedule.rate * self.schedule.decay ** (self._count - self.schedule.begun)
+        numbers = self._count, rate
         return {"weights": self.weights.kept(), **self.replay.kept(), "numbers": np.array(numbers)}
 
     def go_on(self, earlier: Arrays) -> bool:
@@ -95,8 +98,8 @@ class QLearner:
         self.replay.refill(earlier)
         count, rate = earlier["numbers"].tolist()
         self._count = int(count)
-        first, factor = rates_after(self._count, rate, self.recipe, self._updates)
-        self.schedule = self.schedule._replace(rate=first, decay=factor)
+        first, factor = rates_after(rate, self.recipe, self._updates)
+        self.schedule = self.schedule._replace(rate=first, decay=factor, begun=self._count)
         return True
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
@@ -170,4 +173,5 @@ def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0
     # The average begins as the plain mean of all weights so far, so that the first ones soon count little.
     share = max(1 - schedule.averaging, 1 / (count + 1)) if schedule.averaging > 0 else 0.0
-    step(weights, schedule.rate * schedule.decay**count, count + 1, schedule.max_norm, tau, share)
+    rate = schedule.rate * schedule.decay ** (count - schedule.begun)
+    step(weights, rate, count + 1, schedule.max_norm, tau, share)

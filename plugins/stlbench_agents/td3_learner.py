@@ -202,6 +202,7 @@ class Schedule(NamedTuple):
     spread: float
     limit: float
     still: int  # updates before the first of the actor, a multiple of `delay`
+    begun: int  # updates of the training that this one goes on with
 
 
 class TD3Learner:
@@ -224,6 +225,7 @@ class TD3Learner:
             recipe.action_penalty,
             recipe.target_policy_noise,
             recipe.target_noise_clip,
+            0,
             0,
         )
         self._copies, self._rounds, self._inputs = copies, rounds, inputs
@@ -277,7 +279,8 @@ class TD3Learner:
 
     def kept(self) -> Arrays:
         """The weights with Adam's moments, the newest transitions, and the place in the schedule."""
-        numbers = self._count, self.schedule.rate * self.schedule.decay**self._count, self._noise[self._done - 1]
+        rate = self.schedule.rate * self.schedule.decay ** (self._count - self.schedule.begun)
+        numbers = self._count, rate, self._noise[self._done - 1]
         weights = {"actor": self.actor.kept(), "critics": self.critics.kept()}
         return {**weights, **self.replay.kept(), "numbers": np.array(numbers)}
 
@@ -291,8 +294,8 @@ class TD3Learner:
         self.replay.refill(earlier)
         count, rate, noise = earlier["numbers"].tolist()
         self._count = int(count) // recipe.policy_delay * recipe.policy_delay
-        first, factor = rates_after(self._count, rate, recipe, self._rounds * recipe.gradient_steps)
-        self.schedule = self.schedule._replace(rate=first, decay=factor)
+        first, factor = rates_after(rate, recipe, self._rounds * recipe.gradient_steps)
+        self.schedule = self.schedule._replace(rate=first, decay=factor, begun=self._count)
         self._noise = np.linspace(noise, min(noise, self._noise[-1]), self._rounds)
         self._random_steps = self._waiting = 0
         return True
@@ -363,7 +366,7 @@ def _update(
 ) -> None:  # fmt: skip
     """For each row of `first`, after `count` updates, a step for the critics, and every `delay` one for the actor."""
     for row in range(len(first)):
-        rate = schedule.rate * schedule.decay**count
+        rate = schedule.rate * schedule.decay ** (count - schedule.begun)
         count += 1
         acts = count % schedule.delay == 0
         tau = schedule.tau if acts else 0.0

@@ -73,14 +73,13 @@ def decay(first: float, last: float, updates: int) -> float:
     return float((last / first) ** (1 / max(1, updates - 1)))
 
 
-def rates_after(count: int, rate: float, recipe: Learner, updates: int) -> tuple[float, float]:
-    """The learning rate and its factor for a training of so many updates that goes on after `count` others.
+def rates_after(rate: float, recipe: Learner, updates: int) -> tuple[float, float]:
+    """The first learning rate and its factor for a training of so many updates that goes on with one that had a rate.
 
-    It goes on with the last rate, or with that of a training from a policy if this is more.
+    It goes on with this rate, or with that of a training from a policy if this is more.
     """
     first = max(rate, resumed_rate(recipe))
-    factor = decay(first, recipe.learning_rate_final, updates)
-    return first / factor**count, factor
+    return first, decay(first, recipe.learning_rate_final, updates)
 
 
 Share = Annotated[float, Field(ge=0, le=1)]

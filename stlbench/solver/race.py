@@ -217,8 +217,10 @@ class Race(Trainer):
             how = "the best policy" if after else begun
             self.say(f"training on, from {how}: {contestant}; {seen}")
             seeds = range(first, first + min(_SIDE_BY_SIDE, self._at_once))
-            rose = False
-            for result in self.train(f"{MORE}{turn}", [contestant], seeds, lambda result: False, after=after):
+            results, rose = self.train(f"{MORE}{turn}", [contestant], seeds, lambda result: False, after=after), False
+            if not any(result.measurement for result in results):
+                break  # the next would fail as well
+            for result in results:
                 now = seen if result.measurement is None else self._outlook(result)
                 if self._share(result, now) > self._share(best, seen):
                     others.append(best)

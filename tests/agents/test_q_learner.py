@@ -202,7 +202,7 @@ def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
     for name in ("online", "target", "average", "mean", "square"):
         np.testing.assert_array_equal(getattr(later.weights, name), getattr(earlier.weights, name))
     assert (later._count, later.replay.count) == (30, 20)
-    rates = [each.schedule.rate * each.schedule.decay**30 for each in (later, earlier)]
+    rates = [each.schedule.rate * each.schedule.decay ** (30 - each.schedule.begun) for each in (later, earlier)]
     assert rates[0] == pytest.approx(max(rates[1], (earlier.recipe.learning_rate * 3e-5) ** 0.5))
     for other in ({"net_arch": (4,)}, {"gamma": 0.5}, {"n_steps": 2}, {"reward_scale": 3.0}):
         assert not learner(**other).go_on(earlier.kept())
@@ -217,3 +217,13 @@ def test_the_robots_of_a_team_go_on_each_with_its_own() -> None:
     assert later.go_on(earlier.kept())
     for own, other in zip(later.learners, earlier.learners, strict=True):
         np.testing.assert_array_equal(own.weights.online, other.weights.online)
+
+
+def test_a_short_training_goes_on_after_a_long_one() -> None:
+    earlier = learner(seed=1)
+    earlier.replay.count, earlier._count = 20, 10**7
+    later = learner(updates=1, seed=2)
+    assert later.go_on(earlier.kept())
+    later.update(np.zeros((1, ROWS), np.int64))
+    assert np.isfinite(later.weights.online).all()
+    assert (later.weights.online != earlier.weights.online).any()

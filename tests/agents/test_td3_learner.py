@@ -207,7 +207,9 @@ def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
     for own, other in ((later.actor, earlier.actor), (later.critics, earlier.critics)):
         for name in ("online", "target", "average", "mean", "square"):
             np.testing.assert_array_equal(getattr(own, name), getattr(other, name))
-    rates = [each.schedule.rate * each.schedule.decay**each._count for each in (later, earlier)]
+    rates = [
+        each.schedule.rate * each.schedule.decay ** (each._count - each.schedule.begun) for each in (later, earlier)
+    ]
     assert rates[0] == pytest.approx(max(rates[1], 10**-3.5))
     assert later._noise[[0, -1]] == pytest.approx([0.5 - 0.4 * 49 / 99, 0.1])
     seen = np.random.default_rng(1).normal(size=(5, INPUTS))
@@ -217,7 +219,7 @@ def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
     later.learn(seen[:2], np.zeros((2, 2)), Transition(seen[:2], np.zeros(2), seen[:2], np.zeros(2, np.int8)))
     assert later._count > 100
     assert (later.actor.online != before).any()
-    last = later.schedule.rate * later.schedule.decay ** (100 + 200 - 1)
+    last = later.schedule.rate * later.schedule.decay ** (200 - 1)
     assert last == pytest.approx(1e-4, rel=0.05)
 
 

@@ -194,3 +194,14 @@ def test_what_learned_nothing_is_not_gone_on_with(monkeypatch: pytest.MonkeyPatc
     race.improve([*finals, winner])
     assert {cell[0] for cell in played.cells} >= {"rung-1", "rung-2", "final", "more-1"}
     assert not any(isinstance(init, dict) for init in played.inits)
+
+
+def test_trainings_that_fail_end_the_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = Played(monkeypatch, {})
+    monkeypatch.setattr("stlbench.solver.race.outlook", lambda *given: Outlook(100, 90, 0))
+    workspace = workspace_of(Problem("CartPole-v1", FORMULA), Path("out"))
+    workspace.begin(10.0)
+    first = played(budget="final", methods=["raw"], agents=["dqn"], seeds=[200], until=bool, init=None)
+    failed = cast(Result, SimpleNamespace(id=first[0].id, measurement=None, key="failed"))
+    monkeypatch.setattr("stlbench.solver.trainer.run_study", lambda **options: [failed])
+    assert Race(workspace, Clock(10.0, 0.0), lambda text: None, False, jobs=1).improve(first) == first
