@@ -98,7 +98,8 @@ def test_the_keys_of_a_task_file() -> None:
             assert table[key][0] == str(field.default), key
     budget = {key: field.default for key, field in Budget.model_fields.items() if not field.is_required()}
     for key, default in budget.items():
-        assert (key if default is None else f"{key} = {default:g}") in table["budgets"][1]
+        shown = str(default).lower() if isinstance(default, bool) else f"{default:g}" if default is not None else ""
+        assert f"{key} = {shown}".removesuffix(" = ") in table["budgets"][1]
 
 
 def test_built_in_plugins_are_named() -> None:

@@ -67,7 +67,7 @@ def results(ran: None) -> Path:
 
 def places(folder: Path) -> dict[str, Path]:
     result = Results.load(folder).cell(CELL)
-    traces, policies, log = cell_files(folder, result.id, result.key)
+    traces, policies, log, _ = cell_files(folder, result.id, result.key)
     return {LOG: log, TRACES: traces, POLICIES: policies}
 
 

@@ -38,7 +38,8 @@ def test_a_task_in_full_with_what_each_method_makes_of_it(say, toy):
     assert (found["controller"], found["robots"], found["training"]) == (None, {}, {"cuts": [], "ends": []})
     assert (found["features"], found["beyond_state"]) == ("engineered", [])
     assert found["own_agent"] == "toy-agent"
-    assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2, "random_starts": 0}
+    quick = {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2, "resumable": False, "random_starts": 0}
+    assert found["budgets"]["quick"] == quick
     assert found["protocols"]["end"]["formula"] == "F[4,4] x <= 1"
     assert found["agents"] == {"toy-agent": {"action": 1}}
     raw = found["methods"]["toy-raw"]

@@ -148,6 +148,9 @@ def test_a_training_goes_on_with_one_of_the_same_task_and_method(tmp_path: Path)
     arrays = {name: array for name, array in read(path).items() if name != "training/critics"}
     array_files.write_arrays(tmp_path / "damaged.npz", arrays)
     (damaged,) = run_study(**asked, methods="raw", results=tmp_path / "fourth", init=tmp_path / "damaged.npz")
-    assert (damaged.status, damaged.reason) == ("unsuitable", "the training to go on with is damaged: 'critics'")
+    assert (damaged.status, damaged.reason) == (
+        "unsuitable",
+        "the training to go on with is damaged: KeyError: 'critics'",
+    )
     with pytest.raises(UsageError, match="should be a training of swing/funnel, got swing/raw"):
         run_study(**asked, methods="raw,funnel", results=tmp_path / "fifth", init=path)
