@@ -113,6 +113,14 @@ class Shard(NamedTuple):
         return tuple(cell for cell in cells if cell.id in own)
 
 
+def read_init(value: Any) -> Any:
+    """A path, or one for each of some methods."""
+    paths = value.items() if isinstance(value, Mapping) else [("", value)]
+    if value is None or all(isinstance(name, str) and isinstance(path, str | Path) for name, path in paths):
+        return value
+    raise ValueError(f"a file, or one for each method as in {{raw: FILE}}, is expected, got {value!r:.80}")
+
+
 def read_shard(value: Any) -> Any:
     """K/N on the command line."""
     if value is None:
@@ -167,10 +175,12 @@ class Study(BaseModel):
     recipes: Annotated[Path | None, Option("FILE")] = Field(
         None, description="Recipes of the track tuned, as `stlbench tune` writes them."
     )
-    init: Annotated[Path | dict[str, Path] | None, Option("POLICY", "fresh networks")] = Field(
-        None,
-        description="All agents start from this policy, a file (.npz) that `stlbench run` or `solve` stored. "
-        "In Python and in a file also one for each method.",
+    init: Annotated[Path | dict[str, Path] | None, BeforeValidator(read_init), Option("POLICY", "fresh networks")] = (
+        Field(
+            None,
+            description="All agents start from this policy, a file (.npz) that `stlbench run` or `solve` stored. "
+            "In Python and in a file also one for each method.",
+        )
     )
     jobs: Annotated[int | None, Option("N", "2, or 1 on a single core")] = Field(
         None, ge=1, description="Cells at a time."

@@ -112,6 +112,11 @@ def test_each_method_may_start_from_its_own_policy(tmp_path: Path) -> None:
     ]
     with pytest.raises(UsageError, match=r"^init: dense is no method of this study$"):
         Study.of(options | {"init": {"dense": one}}).cells()
+    for wrong in (3, {"raw": 3}, [str(one)]):
+        with pytest.raises(
+            UsageError, match=r"^init: a file, or one for each method as in \{raw: FILE\}, is expected, got"
+        ):
+            Study.of(options | {"init": wrong})
 
 
 def test_a_training_goes_on_with_one_of_the_same_task_and_method(tmp_path: Path) -> None:
