@@ -14,8 +14,8 @@ from stlbench_agents.layers import zeros
 Single = NDArray[np.float32]
 
 _STOP, _END = 1, 2  # a return stops after the transition: it bootstraps, or nothing follows
-_KEPT = 50_000
-"""Transitions that a later training gets, at most: 43 MB for 105 inputs."""
+_KEPT, _NUMBERS = 50_000, 2**25
+"""Transitions that a later training gets at most, 43 MB for 105 inputs; and numbers of their observations, 134 MB."""
 _STORED = ("observation", "arrived", "action", "reward", "after")
 
 
@@ -128,7 +128,8 @@ class Replay:
 
     def kept(self) -> Arrays:
         """The newest transitions, the oldest first, for `refill`."""
-        rows = min(self.count, self._rows, _KEPT // self._copies)
+        most = min(_KEPT, _NUMBERS // (2 * self.memory.observation.shape[1]))
+        rows = min(self.count, self._rows, most // self._copies)
         steps = np.arange(self.count - rows, self.count) % self._rows
         places = (steps[:, None] * self._copies + np.arange(self._copies)).ravel()
         kept = {name: getattr(self.memory, name)[places] for name in _STORED}

@@ -205,3 +205,5 @@ def test_few_transitions_are_kept_of_a_large_replay(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("stlbench_agents.replay._KEPT", 9)
     kept = filled(20, 30, 2, 3, 0.9).kept()
     assert kept["observation"][:, 0].tolist() == [16, 16, 17, 17, 18, 18, 19, 19]
+    monkeypatch.setattr("stlbench_agents.replay._NUMBERS", 20)  # of five transitions with two inputs
+    assert filled(20, 30, 2, 3, 0.9).kept()["reward"].shape == (4,)
