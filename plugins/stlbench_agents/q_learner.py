@@ -13,7 +13,7 @@ from stlbench_agents.kernels import compiled, fixed_types, inlined
 from stlbench_agents.layers import OutputBuffers, Weights, step
 from stlbench_agents.q_policy import GreedyPolicy, QNetwork
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-from stlbench_agents.training import decay, rates_after, refuse_other, resumed_rate
+from stlbench_agents.training import decay, rates_after, refuse_other
 
 if TYPE_CHECKING:
     from stlbench_agents.dqn import DQN
@@ -77,10 +77,8 @@ class QLearner:
         if own.head != other.head:
             raise Unsuitable(f"the policy to start from has head {other.head}, and the recipe {own.head}")
         self.weights = Weights.of(policy.flat)
-        first = resumed_rate(self.recipe)
-        self.schedule = self.schedule._replace(
-            rate=first, decay=decay(first, self.recipe.learning_rate_final, self._updates)
-        )
+        first, factor = rates_after(self.recipe, self._updates)
+        self.schedule = self.schedule._replace(rate=first, decay=factor)
 
     def kept(self) -> Arrays:
         """The weights with Adam's moments, the newest transitions, and the place in the schedule."""
@@ -98,7 +96,7 @@ class QLearner:
         self.replay.refill(earlier)
         count, rate = earlier["numbers"].tolist()
         self._count = int(count)
-        first, factor = rates_after(rate, self.recipe, self._updates)
+        first, factor = rates_after(self.recipe, self._updates, rate)
         self.schedule = self.schedule._replace(rate=first, decay=factor, begun=self._count)
         return True
 

@@ -32,7 +32,7 @@ from stlbench_agents.layers import (
 from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.replay import Batch, Memory, Replay, bounded_target, gather
-from stlbench_agents.training import decay, rates_after, refuse_other, resumed_rate
+from stlbench_agents.training import decay, rates_after, refuse_other
 
 if TYPE_CHECKING:
     from stlbench_agents.td3 import TD3
@@ -264,10 +264,9 @@ class TD3Learner:
         parts = [part for layer in hidden for part in layer] + [last.T, bias]
         self.actor = Weights.of(np.concatenate([part.ravel() for part in parts]))
         delay = self.schedule.delay
-        rate, least = resumed_rate(self.recipe), self.recipe.learning_rate_final
-        self.schedule = self.schedule._replace(
-            rate=rate, decay=decay(rate, least, self._updates), still=int(_STILL * self._updates) // delay * delay
-        )
+        first, factor = rates_after(self.recipe, self._updates)
+        still = int(_STILL * self._updates) // delay * delay
+        self.schedule = self.schedule._replace(rate=first, decay=factor, still=still)
         self._noise[:] = self._noise[-1]
         self._random_steps = 0  # the earlier policy acts from the start, and updates begin as late as without it
 
@@ -286,15 +285,16 @@ class TD3Learner:
 
     def go_on(self, earlier: Arrays) -> bool:
         """Go on with these `kept` arrays; False if they are of other networks or of another recipe for returns."""
-        recipe, own = self.recipe, {"actor": self.actor, "critics": self.critics}
-        if not (self.replay.fits(earlier) and all(weights.fit(earlier[name]) for name, weights in own.items())):
+        alike = self.actor.fit(earlier["actor"]) and self.critics.fit(earlier["critics"])
+        if not (alike and self.replay.fits(earlier)):
             return False
+        recipe = self.recipe
         self.actor, self.critics = Weights.again(earlier["actor"]), Weights.again(earlier["critics"])
         self.replay = self._empty_replay(self._rounds + len(earlier["reward"]) // self._copies)
         self.replay.refill(earlier)
         count, rate, noise = earlier["numbers"].tolist()
         self._count = int(count) // recipe.policy_delay * recipe.policy_delay
-        first, factor = rates_after(rate, recipe, self._rounds * recipe.gradient_steps)
+        first, factor = rates_after(recipe, self._rounds * recipe.gradient_steps, rate)
         self.schedule = self.schedule._replace(rate=first, decay=factor, begun=self._count)
         self._noise = np.linspace(noise, min(noise, self._noise[-1]), self._rounds)
         self._random_steps = self._waiting = 0

@@ -63,22 +63,18 @@ def refuse_other(own: Sequence[int], other: Sequence[int]) -> None:
             raise contract.Unsuitable(f"the policy to start from has {numbers[0]} {what}, and {numbers[1]} are needed")
 
 
-def resumed_rate(recipe: Learner) -> float:
-    """The first learning rate of a training from an earlier policy, between the first and the last of the recipe."""
-    return math.sqrt(recipe.learning_rate * recipe.learning_rate_final)
-
-
 def decay(first: float, last: float, updates: int) -> float:
     """The factor from one update's learning rate to the next, if it falls geometrically over so many updates."""
     return float((last / first) ** (1 / max(1, updates - 1)))
 
 
-def rates_after(rate: float, recipe: Learner, updates: int) -> tuple[float, float]:
-    """The first learning rate and its factor for a training of so many updates that goes on with one that had a rate.
+def rates_after(recipe: Learner, updates: int, rate: float = 0.0) -> tuple[float, float]:
+    """The first learning rate of a training of so many updates from an earlier policy, and its `decay`.
 
-    It goes on with this rate, or with that of a training from a policy if this is more.
+    It is between the first and the last rate of the recipe, or the `rate` at which the earlier training ended if this
+    is more.
     """
-    first = max(rate, resumed_rate(recipe))
+    first = max(rate, math.sqrt(recipe.learning_rate * recipe.learning_rate_final))
     return first, decay(first, recipe.learning_rate_final, updates)
 
 

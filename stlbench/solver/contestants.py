@@ -25,10 +25,6 @@ from stlbench.task.task import agents_for
 from stlbench.tracks.auto import automatic, scheduled
 
 _MOST = 4  # contestants
-_PROMISING_SHARE = 0.5
-"""A race ends with a method whose best and last policies satisfy from more than such a share of the starts from which
-no baseline does."""
-_FRESH_RATIO = 1.5  # seconds of a training by fresh seeds, over those of the winner, at least
 _LONG = 20
 """A second agent races too if there are at least so many minutes."""
 
@@ -47,7 +43,7 @@ def satisfies(result: Result) -> bool:
 
 
 def has_learned(result: Result, task: Task, wanted: float = 0.0) -> bool:
-    """Whether it satisfies from more than a share of the starts from which no baseline does.
+    """Whether it satisfies from more starts than any baseline, and from a wanted share of the others.
 
     It does not if it was good for one moment of an unstable training.
     """
@@ -56,12 +52,7 @@ def has_learned(result: Result, task: Task, wanted: float = 0.0) -> bool:
     stated = task.file.baselines
     idle = max(each.satisfied for each in (stated.zero, stated.constant, stated.random)) if stated else 0.0
     share = min(rank(result)[0], result.measurement.curve[-1].satisfaction)
-    return satisfies(result) or share > idle + wanted * (1 - idle)
-
-
-def is_promising(result: Result, task: Task) -> bool:
-    """Whether a race ends with it."""
-    return has_learned(result, task, _PROMISING_SHARE)
+    return satisfies(result) or (share > idle and share >= idle + wanted * (1 - idle))
 
 
 def cost(result: Result, episode_seconds: float) -> tuple[float, float]:
@@ -79,13 +70,6 @@ def cost(result: Result, episode_seconds: float) -> tuple[float, float]:
 def wall_seconds(result: Result) -> float:
     """Those of a cell; 0 without a measurement."""
     return 0.0 if result.measurement is None else result.measurement.wall_seconds
-
-
-def enough_afresh(seconds: float) -> float:
-    """Seconds in which fresh seeds may learn more than a training of some seconds did; for a second seed, both need
-    so many.
-    """
-    return _FRESH_RATIO * seconds
 
 
 def best_first(finals: Sequence[Result], race: Sequence[Result]) -> list[Result]:

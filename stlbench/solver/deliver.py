@@ -28,10 +28,10 @@ from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.share.onnx import export
 from stlbench.share.source import found_with
-from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import rank
 from stlbench.solver.problem import Problem
 from stlbench.solver.solution import FILE, FINAL, MORE, TEXT, cells_of
+from stlbench.solver.trainer import Clock
 from stlbench.solver.workspace import TASK, WITNESS, Workspace
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY

@@ -17,10 +17,8 @@ from stlbench.solver.contestants import (
     by_second_recipe,
     contestants,
     cost,
-    enough_afresh,
     gains,
     has_learned,
-    is_promising,
     playing,
     rank,
     resumes,
@@ -47,6 +45,10 @@ _LEAST_SUM_EPISODES, _GAIN_EPISODES = 1000, 30
 runs of `cma-es` on drawn tasks 30 learned, and 23 of them after 30 episodes or more for each number."""
 _PROBE_CHECKPOINTS = 10
 """Its checkpoints, at most. Each is scored from all starts, which is dear; and the probe ends at one."""
+_PROMISING_SHARE = 0.5
+"""A race ends with a method whose best and last policies satisfy from such a share of the starts from which no baseline
+does."""
+_FRESH_RATIO = 1.5  # seconds for a training by fresh seeds, over those of the winner, at least; a second one needs both
 _PATIENCE = 0  # a training of the race ends at the first checkpoint that satisfies from all starts for selection
 _FIRST_RUNG_EPISODES, _OVER_PROBE = 100, 2
 """Episodes of the first rung, and its steps over those of the probe, which learned too little. If the time does not
@@ -79,7 +81,7 @@ class Race(Trainer):
             raise UsageError(f"no training ended well: {best.id.name}: {best.reason}")
         if satisfies(best):
             return best
-        probes = {Contestant.of(each): each for each in (best, *others) if each.measurement is not None}
+        latest = {Contestant.of(each): each for each in (best, *others) if each.measurement is not None}
         if self.start is None and not self._is_promising(best):
             best = self._searched(self.workspace.unscheduled, "search", _SUM_SHARE, best)
         if rank(best)[0] == 0 and (found := self.workspace.search(60 * self.clock.minutes)):
@@ -94,9 +96,9 @@ class Race(Trainer):
         if satisfies(best):
             return best
         methods = self.workspace.state["methods"]  # a race that was stopped has them
-        probe = next((each for who, each in probes.items() if who.agent == racing[0].agent), best)
+        probe = next((each for who, each in latest.items() if who.agent == racing[0].agent), best)
         racing = racing[: self._plan(racing, probe) if methods is None else len(methods)]
-        rung, latest = 1, {**probes}
+        rung = 1
         while len(racing) > 1 and not self._is_promising(best) and self._left:
             self.say(f"race, rung {rung}: {', '.join(each.beside(racing[0]) for each in racing)}; {_score(best)}")
             # another seed in each rung, so that a lucky one does not carry a method to the end
@@ -162,7 +164,11 @@ class Race(Trainer):
         return count
 
     def _is_promising(self, result: Result) -> bool:
-        return is_promising(result, self.workspace.task)
+        return has_learned(result, self.workspace.task, _PROMISING_SHARE)
+
+    def _enough_afresh(self, result: Result) -> float:
+        """Seconds in which fresh seeds may learn more than a result did."""
+        return _FRESH_RATIO * self._lasted(result)
 
     def final(self, winner: Result) -> list[Result]:
         """The winner, trained with fresh seeds until one satisfies from all starts for selection; the best first.
@@ -170,10 +176,10 @@ class Race(Trainer):
         There is none if a training goes on with the winner's (`improve`), or where the time before the delivery is too
         short: a fresh seed would learn less than the winner.
         """
-        assert winner.measurement is not None
-        enough = enough_afresh(self._lasted(winner))
         if self._goes_on(winner):
             return []
+        assert winner.measurement is not None
+        enough = self._enough_afresh(winner)
         if self._left < enough and not self._done(FINAL):
             self.say("too little time is left to train again with fresh seeds")
             return []
@@ -210,7 +216,7 @@ class Race(Trainer):
             if not seen.can_rise or not self._plan_more(f"{MORE}{turn}", best):
                 break
             contestant, first = Contestant.of(best), FINAL_SEEDS[-1] + 1 + _SIDE_BY_SIDE * (turn - 1)
-            onward = onward or self._left < enough_afresh(self._lasted(best))
+            onward = onward or self._left < self._enough_afresh(best)
             onward = onward and has_learned(best, self.workspace.task)
             after = [best] if onward and resumes(contestant.agent) else []
             begun = "fresh networks" if self.start is None else "the earlier solution"

@@ -18,13 +18,13 @@ from stlbench.records.result import Result
 from stlbench.registry.choices import LOCAL
 from stlbench.search.certify import Claim, check
 from stlbench.share.source import from_here
-from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import best_first
 from stlbench.solver.deliver import Delivery, sentence
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Race
 from stlbench.solver.solution import FILE, TEXT, Solution, certificate_of
+from stlbench.solver.trainer import Clock
 from stlbench.solver.workspace import is_of, workspace_of
 from stlbench.study.progress import Progress, duration
 from stlbench.task.file import EarlyEnd

@@ -1,9 +1,10 @@
-"""The trainings of a solve: each is a cell of an ordinary study.
+"""The trainings of a solve, and the time for them: each is a cell of an ordinary study.
 
 Its budget is in the task file and its result is in a ledger, so a solve that was stopped goes on. Results are compared
 by the starts for selection, never by those of the report.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +15,8 @@ import numpy as np
 from stlbench.errors import UsageError
 from stlbench.records import results_folder
 from stlbench.records.result import Result
-from stlbench.records.result_files import TRAININGS, cell_files
+from stlbench.records.result_files import CellFiles, cell_files
 from stlbench.registry.choices import LOCAL
-from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import Contestant, best_first, has_learned, rank, wall_seconds
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.solution import FINAL, RACE, cells_of
@@ -32,6 +32,24 @@ _SCORING_SHARE, _CHECKPOINTS = 0.2, (2, 20)
 _CHECKPOINT_STARTS = 8  # starts from which a checkpoint is scored during a training, at least
 OVERTIME = 1.15  # a training that is slower than planned ends after so many times the seconds planned
 _HANGING_SECONDS = 600.0  # beyond three times its own, a training may take so many; only one that hangs takes longer
+
+
+@dataclass
+class Clock:
+    """The time that the user gave."""
+
+    minutes: float
+    _began: float = field(default_factory=lambda: time.perf_counter())
+
+    @property
+    def spent(self) -> float:
+        """Seconds."""
+        return time.perf_counter() - self._began
+
+    @property
+    def left(self) -> float:
+        """Seconds, at least 0."""
+        return max(0.0, 60 * self.minutes - self.spent)
 
 
 @dataclass(frozen=True)
@@ -109,9 +127,12 @@ class Trainer:
         """Wall seconds of a training and of those that it goes on with."""
         return self._seconds.get(result.key, wall_seconds(result))
 
+    def _files(self, result: Result) -> CellFiles:
+        return cell_files(self.workspace.folder / cells_of(result.id.budget), result.id, result.key)
+
     def _file_of(self, result: Result) -> Path:
         """The file from which a training goes on with that of a result, else that of its policies."""
-        files = cell_files(self.workspace.folder / cells_of(result.id.budget), result.id, result.key)
+        files = self._files(result)
         return files.training if files.training.is_file() else files.policies
 
     def _goes_on(self, result: Result) -> bool:
@@ -120,8 +141,7 @@ class Trainer:
         Without success its noise and its learning rate are too small by now: on HalfCheetah `raw` learned in 21 s from
         fresh networks, and not in 36 s after 12 others.
         """
-        kept = self._file_of(result).parent.name == TRAININGS
-        return kept and has_learned(result, self.workspace.task)
+        return self._files(result).training.is_file() and has_learned(result, self.workspace.task)
 
     @property
     def _left(self) -> float:

@@ -77,12 +77,12 @@ def arrays_of(cell: Cell) -> Stored | None:
     if not digest(arrays).startswith(wanted):
         raise UsageError(f"{cell.init} is no longer the policy that agent {cell.id.agent} starts from")
     stored = Stored.among(arrays)
-    if stored.training and (of := one_line(stored.training.get(OF))) != trained(cell):
-        raise UsageError(f"{cell.init} should be a training of {trained(cell)}, got {of}; a policy starts any other")
+    if stored.training and (of := one_line(stored.training.get(OF))) != subject(cell):
+        raise UsageError(f"{cell.init} should be a training of {subject(cell)}, got {of}; a policy starts any other")
     return stored
 
 
-def trained(cell: Cell) -> str:
+def subject(cell: Cell) -> str:
     """The task and the method of a cell, whose training only one of the same can go on with."""
     return f"{cell.id.task}/{cell.id.method}"
 

@@ -239,7 +239,8 @@ class Study(BaseModel):
 
         recipes = None if self.recipes is None else read_recipes(self.recipes)
         each = self.init if isinstance(self.init, dict) else dict.fromkeys(map(str, self.methods), self.init)
-        init = {choice_of(method): Initial.of(path) for method, path in each.items() if path is not None}
+        known = {path: Initial.of(path) for path in {*each.values()} if path is not None}
+        init = {choice_of(method): known[path] for method, path in each.items() if path is not None}
         if other := [*{*init} - {*self.methods}]:
             raise UsageError(f"init: {other[0]} is no method of this study")
         cells = plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes, init)

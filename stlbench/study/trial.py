@@ -29,7 +29,7 @@ from stlbench.simulation.rehearsal import rehearse
 from stlbench.simulation.worlds import make_world, observation_of
 from stlbench.study.cell import Cell, Recipe, derive_seed
 from stlbench.study.fitting import refuse_dear
-from stlbench.study.initial import Stored, arrays_of, trained
+from stlbench.study.initial import Stored, arrays_of, subject
 from stlbench.task import build_agent, build_method
 from stlbench.task.task import Task
 
@@ -100,16 +100,9 @@ def train(
 
     plugin, seed = task.choice.name, cell.id.seed
     random = derive_seed(plugin, cell.id.agent.name, "training", seed)
-    kept = dict[str, Any]()
-    training = contract.Training(
-        make,
-        budget.steps,
-        random,
-        report,
-        budget.checkpoints,
-        initial=None if begun is None else begun.policy,
-        earlier=(begun and begun.training) or None,
-    )
+    kept, training = dict[str, Any](), contract.Training(make, budget.steps, random, report, budget.checkpoints)
+    if begun is not None:
+        training = replace(training, initial=begun.policy, earlier=begun.training or None)
     if agent.plans is not None:
         training = replace(training, model=model_of(task, method))
     else:
@@ -245,7 +238,7 @@ def _stored(measured: Measured, task: Task, method: contract.RewardMethod, cell:
     array_files.save_traces(inside(files.traces, folder), measured.assessment, task.signals)
     digests = array_files.save_policies(inside(files.policies, folder), measured.selected, measured.final)
     if measured.kept:
-        array_files.save_training(inside(files.training, folder), measured.final, measured.kept, trained(cell))
+        array_files.save_training(inside(files.training, folder), measured.final, measured.kept, subject(cell))
     if digests is None:
         return measured.numbers
     recipe = cell.recipe or Recipe()
@@ -261,10 +254,10 @@ def measure(
     whole = Clock()
     budget = task.budget(cell.id.budget)
     referee = Referee(task, method, budget.random_starts)
-    ran = train(task, method, agent, cell, referee.look if budget.patience == 0 else referee.glance, begun)
-    selected, curve = _choose(referee, ran.checkpoints)
+    trained = train(task, method, agent, cell, referee.look if budget.patience == 0 else referee.glance, begun)
+    selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
-    last = assessment if selected.policy is ran.final else referee.assess(ran.final)
+    last = assessment if selected.policy is trained.final else referee.assess(trained.final)
     reward_nanoseconds = reward_time(task, method)
     whole.pause()
     measurement = Measurement(
@@ -272,17 +265,17 @@ def measure(
         final=last.scores,
         selected_steps=selected.steps,
         curve=curve,
-        training_cpu_seconds=ran.clock.cpu,
-        training_wall_seconds=ran.clock.wall,
+        training_cpu_seconds=trained.clock.cpu,
+        training_wall_seconds=trained.clock.wall,
         cpu_seconds=whole.cpu,
         wall_seconds=whole.wall,
-        env_steps=ran.env_steps,
+        env_steps=trained.env_steps,
         reward_nanoseconds=reward_nanoseconds,
         inputs_added=method.input_size,
         planned=_planned(agent, selected.policy, assessment),
         extension=method.extension,
     )
-    return Measured(measurement, assessment, selected.policy, ran.final, ran.observation_size, ran.kept)
+    return Measured(measurement, assessment, selected.policy, trained.final, trained.observation_size, trained.kept)
 
 
 def _planned(

@@ -27,7 +27,7 @@ class Played:
         self.last: dict[tuple[str, int], float] = {}
         """The share of the last policy, where it is not that of the best."""
         monkeypatch.setattr("stlbench.solver.trainer.run_study", self)
-        monkeypatch.setattr("stlbench.solver.clock.time", SimpleNamespace(perf_counter=lambda: self.now))
+        monkeypatch.setattr("stlbench.solver.trainer.time", SimpleNamespace(perf_counter=lambda: self.now))
 
     def __call__(self, **options: Any) -> list[Result]:
         results = list[Result]()

@@ -22,10 +22,10 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import MAIN, Result
 from stlbench.registry import plugins
-from stlbench.solver.clock import Clock
 from stlbench.solver.deliver import Delivery, _environment, sentence
 from stlbench.solver.problem import Problem
 from stlbench.solver.run import _is_delivered
+from stlbench.solver.trainer import Clock
 from stlbench.solver.workspace import workspace_of
 from stlbench.study.results import Results
 from stlbench.study.run import run_study

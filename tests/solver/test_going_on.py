@@ -14,12 +14,12 @@ from solver.conftest import FORMULA
 from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.records.result_files import TRAININGS, cell_files
-from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import Contestant
 from stlbench.solver.earlier import EarlierPolicy
 from stlbench.solver.outlook import Outlook
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Race
+from stlbench.solver.trainer import Clock
 from stlbench.solver.workspace import workspace_of
 
 

@@ -15,12 +15,11 @@ from solver.conftest import FORMULA
 from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.registry.choices import parse_choice
-from stlbench.solver.clock import Clock
 from stlbench.solver.contestants import Contestant, best_first, searcher
 from stlbench.solver.problem import Problem
 from stlbench.solver.race import Race
 from stlbench.solver.run import _TRIES
-from stlbench.solver.trainer import APART
+from stlbench.solver.trainer import APART, Clock
 from stlbench.solver.workspace import TASK, is_of, workspace_of
 from stlbench.study.initial import read
 from stlbench.study.study import MOST_SEEDS
