@@ -27,6 +27,7 @@ def robots() -> str:
         ("robots-patrol", "paper", ", `paper`"),
         ("robots-ant", "paper", ", `paper`"),
         ("robots-ant-penalty", "paper", ", `paper`, penalty"),
+        ("robots-ant-times", "paper", ", `paper`, penalty, 32 copies"),
     )
     methods = ("funnel", "raw")
     found = {

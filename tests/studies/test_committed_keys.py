@@ -23,7 +23,7 @@ RESULTS = Path(__file__).parents[2] / "results"
 RECIPES = {"survey": RESULTS / "survey-tuning" / "recipes.yaml"}
 SAMPLE = 2
 """Rows of each folder."""
-EARLIER = {"robots-ant", "robots-ant-penalty", "suite-budget", "suite-core", "suite-overlap", "suite-quick"}
+EARLIER = {"robots-ant-times", "suite-budget", "suite-core", "suite-overlap", "suite-quick"}
 """Folders that were trained by earlier rules of the track `auto`. No program of today makes a row of them."""
 UNBOUNDED = {"auto", "auto-ablation", "auto-field", "auto-survey"}
 """Folders with rows of before the values of `dqn` were bounded on that track."""

@@ -145,13 +145,14 @@ def test_where_no_range_is_of_a_coordinate_exploring_begins_in_initial_states() 
 @pytest.mark.parametrize(
     ("formula", "share"),
     [
-        ("F[0,4] x >= 1 & F[4,8] x <= -1", 0.4),  # .4 D / 2 of .6 D + .4 D / 2 decisions are a quarter
-        ("F[0,3] (x >= 1 & F[0,4] x <= -1)", 0.4),  # its schedule has two windows
+        ("F[0,2] x >= 1 & F[2,5] x <= -1 & F[5,8] x >= 1", 0.4),  # .4 D / 2 of .6 D + .4 D / 2 decisions are a quarter
+        ("F[0,2] (x >= 1 & F[0,3] (x <= 0 & F[0,3] x >= 1))", 0.4),  # its schedule has three windows
+        ("F[0,4] x >= 1 & F[4,8] x <= -1", None),
         ("F[0,8] x >= 1", None),
         ("F[0,8] x >= 1 & G[0,4] x <= 3", None),
     ],
 )
-def test_an_environment_begins_episodes_at_a_random_time_if_the_next_goal_changes(
+def test_an_environment_begins_episodes_at_a_random_time_if_there_are_three_goals_or_more(
     formula: str, share: float | None
 ) -> None:
     exploring = on_track(walk(formula=formula), Choice("dqn"), "auto").file.training.exploring
