@@ -194,13 +194,14 @@ def _helped(task: Task, agent: str) -> TaskFile:
     nested = None
     if file.nested is not None and file.schedule is None:
         nested = rewarded(file.model_copy(update={"formula": file.nested}), initial)
-    changes = cuts(file.followed, file.hold, file.steps)
     return file.model_copy(
         update={
             "features": "formula",
             "rewarded": rewarded(file, initial),
             "nested": nested,
-            "training": TrainingEpisodes(cuts=changes, ends=_ends(bare), exploring=_exploring(bare, changes)),
+            "training": TrainingEpisodes(
+                cuts=cuts(file.followed, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
+            ),
             "budgets": {name: _budget(name, budget, file.steps) for name, budget in file.budgets.items()},
             "agents": {agent: recipe(agent, task)},
         }
@@ -284,21 +285,20 @@ def _lasting(parts: Sequence[Window], file: TaskFile) -> list[Window]:
     return [part for part in parts if part.invariant and (file.schedule is None or part.end >= last)]
 
 
-def _exploring(task: Task, changes: Sequence[int]) -> Exploring | None:
+def _exploring(task: Task) -> Exploring | None:
     """Episodes that begin at a random time, in states met before or in states drawn from the ranges.
 
     The invariants hold in the states drawn, and a goal holds in half of them. Goals of the first sample alone do not
-    count, as no action changes it. The states are initial ones if no coordinate has a range. The state of an
-    environment cannot be set: there they begin as others do, and only if the next goal changes twice or more. With one
-    change they helped seldom, and a response of a unicycle took twice as long.
+    count, as no action changes it. The states are initial ones if no coordinate has a range. An environment whose state
+    cannot be set has no such episodes.
     """
-    on_system, decisions = isinstance(task.dynamics, System), task.file.decisions
-    length = max(1, min(LENGTH, decisions // 2)) if on_system else decisions / 2
+    if not isinstance(task.dynamics, System):
+        return None
+    assert task.file.initial is not None
+    decisions = task.file.decisions
+    length = max(1, min(LENGTH, decisions // 2))
     # The share of episodes is greater than that of decisions, as these have `length` decisions and others have all.
     share = EXPLORED * decisions / (EXPLORED * decisions + (1 - EXPLORED) * length)
-    if not on_system:
-        return Exploring(share=share) if len(changes) > 1 else None
-    assert task.file.initial is not None
     box = dict[str, tuple[float, float]]()
     for name, (low, high) in task.file.initial.box.items():
         least, greatest = task.file.box.get(name, (low, high))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.line_task import Line, line
-from helpers.walk_task import walk
 
 from stlbench.contract import ActionBox, ActionGrid, Array
 from stlbench.errors import UsageError
@@ -140,24 +139,6 @@ def test_where_no_range_is_of_a_coordinate_exploring_begins_in_initial_states() 
     assert task.file.initial.where is not None
     drawn = sample(exploring.states, np.random.default_rng(0), 200)
     assert holds(task.file.initial.where, tuple(exploring.states.box))(drawn).all()
-
-
-@pytest.mark.parametrize(
-    ("formula", "share"),
-    [
-        ("F[0,2] x >= 1 & F[2,5] x <= -1 & F[5,8] x >= 1", 0.4),  # .4 D / 2 of .6 D + .4 D / 2 decisions are a quarter
-        ("F[0,2] (x >= 1 & F[0,3] (x <= 0 & F[0,3] x >= 1))", 0.4),  # its schedule has three windows
-        ("F[0,4] x >= 1 & F[4,8] x <= -1", None),
-        ("F[0,8] x >= 1", None),
-        ("F[0,8] x >= 1 & G[0,4] x <= 3", None),
-    ],
-)
-def test_an_environment_begins_episodes_at_a_random_time_if_there_are_three_goals_or_more(
-    formula: str, share: float | None
-) -> None:
-    exploring = on_track(walk(formula=formula), Choice("dqn"), "auto").file.training.exploring
-    assert (None if exploring is None else exploring.share) == share
-    assert exploring is None or (exploring.states, exploring.kept, exploring.length) == (None, 0, None)
 
 
 @pytest.mark.parametrize(
