@@ -50,14 +50,17 @@ class PassBuffers(NamedTuple):
     forward_only: Floats  # the same of a pass that is not
     backward: Floats  # (2, B * widest): gradients by activations
     transposed: Floats  # (widest * widest,): a matrix of weights
-    one: Floats  # (1,): the number 1
+    normalised: Floats  # as `forward`: the sums of a layer with mean 0 and variance 1 over its units
+    scales: Floats  # (L - 1, B): by what those were multiplied; (0, B) if the network does not normalise its sums
+    ones: Floats  # (widest,)
 
     @staticmethod
-    def of(layers: Indices, rows: int, dtype: Any = np.float32) -> PassBuffers:
+    def of(layers: Indices, rows: int, dtype: Any = np.float32, normalised: bool = False) -> PassBuffers:
         most = _widest(layers)
         size, square = _size_of_hidden(layers, rows), most * most
-        hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype))
-        return PassBuffers(*hidden, zeros(square, dtype), np.ones(1, dtype))
+        hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype), zeros(square, dtype))
+        depth = size[0] if normalised else 0
+        return PassBuffers(*hidden, zeros((depth, size[1]), dtype), zeros((depth, rows), dtype), np.ones(most, dtype))
 
 
 class OutputBuffers(NamedTuple):
@@ -129,6 +132,54 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
 
 
 @part
+def hidden_normalised(
+    flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats, passes: PassBuffers
+) -> None:  # fmt: skip
+    """As `hidden`, with layer normalisation (Ba, Kiros, Hinton 2016) before the bias is added.
+
+    Units have no gain. A ReLU passes a positive factor on to the next weights, so one would add nothing.
+    """
+    nothing, kind = matrix(flat, 0, 0, 0), flat.dtype.type
+    for layer in range(len(layers) - 1):
+        at, inner, columns, bias = layers[layer]
+        product(
+            matrix(x, 0, rows, inner), matrix(flat, at, inner, columns), nothing, -np.inf,
+            matrix(passes.normalised[layer], 0, rows, columns),
+        )  # fmt: skip
+        shifts = flat[bias : bias + columns]
+        for i in range(rows):
+            unit = slice(i * columns, (i + 1) * columns)
+            sums, active = passes.normalised[layer, unit], into[layer, unit]
+            mean = kind(inner_product(sums, START, passes.ones, START, columns)) / kind(columns)
+            for j in range(columns):
+                sums[j] -= mean
+            variance = kind(inner_product(sums, START, sums, START, columns)) / kind(columns)
+            scale = kind(1) / np.sqrt(variance + kind(_LEAST))
+            passes.scales[layer, i] = scale
+            for j in range(columns):
+                value = sums[j] * scale
+                sums[j] = value
+                active[j] = max(kind(0), value + shifts[j])
+        x = into[layer]
+
+
+_LEAST = 1e-5  # added to the variance: a layer whose sums are all equal is not divided by 0
+
+
+@inlined
+def _back_normalised(slopes: Floats, layer: int, rows: int, columns: int, passes: PassBuffers) -> None:
+    """From gradients (B, columns) by normalised sums of a layer those by the sums, in place."""
+    kind = slopes.dtype.type
+    for i in range(rows):
+        unit = slice(i * columns, (i + 1) * columns)
+        slope, normal, scale = slopes[unit], passes.normalised[layer, unit], passes.scales[layer, i]
+        mean = kind(inner_product(slope, START, passes.ones, START, columns)) / kind(columns)
+        along = kind(inner_product(slope, START, normal, START, columns)) / kind(columns)
+        for j in range(columns):
+            slope[j] = (slope[j] - mean - normal[j] * along) * scale
+
+
+@part
 def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, scratch: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
@@ -179,7 +230,7 @@ def back_outputs(
     nothing = matrix(flat, 0, 0, 0)
     if wanted:
         product(transposed(given), matrix(last, 0, rows, width), nothing, -np.inf, matrix(into, at, count, width))
-        _column_sums(by_output, rows, count, passes.one, into, bias)
+        _column_sums(by_output, rows, count, passes.ones, into, bias)
     product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(passes.backward[0], 0, rows, width))
 
 
@@ -189,7 +240,8 @@ def back_hidden(
 ) -> Floats:
     """Compute the gradient by the first layer's sums from that by the last hidden layer, in `passes.backward[0]`.
 
-    If `wanted`, also write the gradient by all weights below to `into`. `passes.forward` has the activations.
+    If `wanted`, also write the gradient by all weights below to `into`. `passes.forward` has the activations, by
+    `hidden_normalised` where the passes normalise sums.
     """
     nothing, zero = matrix(flat, 0, 0, 0), flat.dtype.type(0)
     back: Floats = passes.backward[0]
@@ -202,9 +254,12 @@ def back_hidden(
             slopes[i] = slope if on else zero
         given = matrix(back, 0, rows, columns)
         if wanted:
+            _column_sums(back, rows, columns, passes.ones, into, bias)
+        if len(passes.scales):
+            _back_normalised(back, layer, rows, columns, passes)
+        if wanted:
             left, down = transposed(matrix(below, 0, rows, inner)), matrix(into, at, inner, columns)
             product(left, given, nothing, -np.inf, down)
-            _column_sums(back, rows, columns, passes.one, into, bias)
         if layer:
             lower = passes.backward[(len(layers) - 1 - layer) % 2]
             copy_transposed(flat, at, inner, columns, passes.transposed)
@@ -216,10 +271,10 @@ def back_hidden(
 
 
 @inlined
-def _column_sums(values: Floats, rows: int, columns: int, one: Floats, into: Floats, at: int) -> None:
+def _column_sums(values: Floats, rows: int, columns: int, ones: Floats, into: Floats, at: int) -> None:
     """The sums over rows of a matrix, written to `into` from an offset on: the product with a row of ones."""
-    ones = Matrix(one, 0, 1, rows, 0, 0)
-    product(ones, matrix(values, 0, rows, columns), matrix(one, 0, 0, 0), -np.inf, matrix(into, at, 1, columns))
+    row = Matrix(ones, 0, 1, rows, 0, 0)  # one entry again and again
+    product(row, matrix(values, 0, rows, columns), matrix(ones, 0, 0, 0), -np.inf, matrix(into, at, 1, columns))
 
 
 _BLOCK = 1024  # weights that Adam and the averages take at a time, so that their memory stays in the first cache

@@ -34,6 +34,8 @@ class TD3(training.LockStepAgent):
     """steps of all copies with random actions at the start, without updates"""
     action_penalty: training.NotNegative = 0.005
     """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
+    layer_norm: bool = False
+    """whether the hidden layers of the critics are normalised, so that values of actions never tried stay bounded"""
     reward_scale: training.Positive = 10.0
 
     compiled_part = "td3"

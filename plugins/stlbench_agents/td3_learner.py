@@ -21,6 +21,7 @@ from stlbench_agents.layers import (
     back_hidden,
     back_outputs,
     hidden,
+    hidden_normalised,
     layout,
     outputs,
     outputs_at,
@@ -70,10 +71,11 @@ class TD3Buffers(NamedTuple):
     by_output: Floats  # (B * axes,): gradient by the actor's output
 
     @staticmethod
-    def of(networks: Networks, rows: int, dtype: Any = np.float32) -> TD3Buffers:
+    def of(networks: Networks, rows: int, dtype: Any = np.float32, layer_norm: bool = False) -> TD3Buffers:
         axes, inputs = int(networks.actor[-1, 1]), int(networks.critics[0, 0, 1])
         sizes = (rows * inputs, rows * axes, rows, rows, rows * axes)
-        spaces = PassBuffers.of(networks.actor, rows, dtype), PassBuffers.of(networks.critics[0], rows, dtype)
+        critic = PassBuffers.of(networks.critics[0], rows, dtype, normalised=layer_norm)
+        spaces = PassBuffers.of(networks.actor, rows, dtype), critic
         return TD3Buffers(*spaces, *(zeros(size, dtype) for size in sizes))
 
 
@@ -103,6 +105,15 @@ def _output(
 
 
 @part
+def _hidden_of_critic(critics: Floats, layers: Indices, rows: int, buffers: TD3Buffers, into: Floats) -> None:
+    """The hidden layers of a critic for the joined inputs."""
+    if len(buffers.critic.scales):
+        hidden_normalised(critics, layers, buffers.joined, rows, into, buffers.critic)
+    else:
+        hidden(critics, layers, buffers.joined, rows, into)
+
+
+@part
 def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into: Floats) -> None:
     """As `outputs` for a network with one, as critics are: (B,)."""
     at, _, width, bias = layers[-1]
@@ -128,7 +139,7 @@ def targets(
     _join(batch.arrived, later, buffers.joined)
     for which in range(2):
         layers = networks.critics[which]
-        hidden(critics, layers, buffers.joined, rows, buffers.critic.forward_only)
+        _hidden_of_critic(critics, layers, rows, buffers, buffers.critic.forward_only)
         _single_output(critics, layers, buffers.critic.forward_only[-1], rows, buffers.value)
         for i in range(rows):
             buffers.goal[i] = buffers.value[i] if which == 0 else min(buffers.goal[i], buffers.value[i])
@@ -143,7 +154,7 @@ def critic_gradient(critics: Floats, networks: Networks, batch: Batch, buffers: 
     _join(batch.observation, batch.action, buffers.joined)
     for which in range(2):
         layers = networks.critics[which]
-        hidden(critics, layers, buffers.joined, rows, buffers.critic.forward)
+        _hidden_of_critic(critics, layers, rows, buffers, buffers.critic.forward)
         last = buffers.critic.forward[-1]
         _single_output(critics, layers, last, rows, buffers.value)
         for i in range(rows):
@@ -170,7 +181,7 @@ def actor_gradient(
     for i in range(rows * axes):
         buffers.by_output[i] = math.tanh(buffers.output[i])
     _join(batch.observation, buffers.by_output.reshape((rows, axes)), buffers.joined)
-    hidden(critics, layers, buffers.joined, rows, buffers.critic.forward)
+    _hidden_of_critic(critics, layers, rows, buffers, buffers.critic.forward)
     for i in range(rows):
         buffers.value[i] = kind(-1) / kind(rows)
     back_outputs(critics, layers, buffers.critic.forward[-1], buffers.value, rows, buffers.critic, False, into)
@@ -237,7 +248,7 @@ class TD3Learner:
         self._random_steps, self._waiting, self._updates = recipe.random_steps, recipe.random_steps, updates
         self._batch = Batch.of(recipe.batch_size, inputs, axes)
         self._output_buffers = OutputBuffers.of(self.networks.actor, 1)
-        self._buffers = TD3Buffers.of(self.networks, recipe.batch_size)
+        self._buffers = TD3Buffers.of(self.networks, recipe.batch_size, layer_norm=recipe.layer_norm)
         self._update = fixed_types(_update)
 
     def _initial(self, layers: Indices, last: float) -> Floats:
@@ -281,14 +292,15 @@ class TD3Learner:
         rate = self.schedule.rate * self.schedule.decay ** (self._count - self.schedule.begun)
         numbers = self._count, rate, self._noise[self._done - 1]
         weights = {"actor": self.actor.kept(), "critics": self.critics.kept()}
-        return {**weights, **self.replay.kept(), "numbers": np.array(numbers)}
+        norm = np.array(self.recipe.layer_norm)
+        return {**weights, **self.replay.kept(), "numbers": np.array(numbers), "layer_norm": norm}
 
     def go_on(self, earlier: Arrays) -> bool:
         """Go on with these `kept` arrays; False if they are of other networks or of another recipe for returns."""
         alike = self.actor.fit(earlier["actor"]) and self.critics.fit(earlier["critics"])
-        if not (alike and self.replay.fits(earlier)):
-            return False
         recipe = self.recipe
+        if not (alike and self.replay.fits(earlier) and bool(earlier.get("layer_norm")) == recipe.layer_norm):
+            return False
         self.actor, self.critics = Weights.again(earlier["actor"]), Weights.again(earlier["critics"])
         self.replay = self._empty_replay(self._rounds + len(earlier["reward"]) // self._copies)
         self.replay.refill(earlier)

@@ -36,8 +36,8 @@ class Case(NamedTuple):
     work: TD3Buffers
 
 
-def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: int = 0) -> Case:
-    generator, networks = np.random.default_rng(seed), Networks.of(INPUTS, net_arch, axes)
+def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, layer_norm: bool = False) -> Case:
+    generator, networks = np.random.default_rng(0), Networks.of(INPUTS, net_arch, axes)
 
     def normal(*size: int) -> Floats:
         return generator.normal(size=size).astype(dtype)
@@ -46,7 +46,7 @@ def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: in
     returns, arrived = normal(ROWS), normal(ROWS, INPUTS)
     discount = generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=ROWS)
     batch = Batch(observation, action, returns, arrived, discount, np.array([-np.inf, np.inf], dtype))
-    work = TD3Buffers.of(networks, ROWS, dtype)
+    work = TD3Buffers.of(networks, ROWS, dtype, layer_norm)
     for part in (*work.actor[:-1], *work.critic[:-1], *work[2:]):
         part[:] = np.nan
     flats = 0.4 * normal(size_of(networks.actor)), 0.4 * normal(size_of(networks.critics[1]))
@@ -54,7 +54,8 @@ def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: in
 
 
 def values(of: Case, critics: Tensor, which: int, observation: Tensor, action: Tensor) -> Tensor:
-    return perceptron(critics, of.networks.critics[which], torch.cat([observation, action], 1))[:, 0]
+    layers, inputs = of.networks.critics[which], torch.cat([observation, action], 1)
+    return perceptron(critics, layers, inputs, normalised=len(of.work.critic.scales) > 0)[:, 0]
 
 
 def furthest(ours: Floats, expected: Floats) -> float:
@@ -68,12 +69,15 @@ def tensors(of: Case) -> tuple[Tensor, Tensor]:
 @architectures
 @axes_of
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-5)])
+@pytest.mark.parametrize("layer_norm", [False, True])
 class TestAgainstAutograd:
     """In double precision rounding is 1e-16 an operation, in single 6e-8; sums have 75 terms, a layer upon a layer."""
 
-    def test_the_critics(self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float) -> None:
+    def test_the_critics(
+        self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float, layer_norm: bool
+    ) -> None:
         """Errors lie on both sides of 1, where Huber's loss bends."""
-        of = case(net_arch, axes, dtype)
+        of = case(net_arch, axes, dtype, layer_norm)
         of.work.goal[:] = 2 * of.batch.returns
         into = np.full_like(of.critics, np.nan)
         critic_gradient(of.critics, of.networks, of.batch, of.work, into)
@@ -86,8 +90,8 @@ class TestAgainstAutograd:
         assert flat.grad is not None
         assert furthest(into, flat.grad.numpy()) < bound
 
-    def test_the_actor(self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float) -> None:
-        of = case(net_arch, axes, dtype)
+    def test_the_actor(self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float, layer_norm: bool) -> None:
+        of = case(net_arch, axes, dtype, layer_norm)
         into = np.full_like(of.actor, np.nan)
         actor_gradient(of.actor, of.critics, of.networks, of.batch, 0.7, of.work, into)
         flat, critics = torch.from_numpy(of.actor.copy()).requires_grad_(), torch.from_numpy(of.critics)
@@ -97,8 +101,10 @@ class TestAgainstAutograd:
         assert flat.grad is not None
         assert furthest(into, flat.grad.numpy()) < bound
 
-    def test_the_targets(self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float) -> None:
-        of = case(net_arch, axes, dtype)
+    def test_the_targets(
+        self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float, layer_norm: bool
+    ) -> None:
+        of = case(net_arch, axes, dtype, layer_norm)
         targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), of.work)
         arrived, critics = torch.from_numpy(of.batch.arrived), torch.from_numpy(of.critics)
         shift = torch.from_numpy(0.5 * of.normal).clamp(-0.6, 0.6)

@@ -223,7 +223,10 @@ def test_a_training_goes_on_where_an_earlier_one_ended() -> None:
     assert last == pytest.approx(1e-4, rel=0.05)
 
 
-@pytest.mark.parametrize("other", [{"net_arch": (4,)}, {"gamma": 0.5}, {"n_steps": 2}, {"reward_scale": 1.0}])
+_OTHERS = [{"net_arch": (4,)}, {"gamma": 0.5}, {"n_steps": 2}, {"reward_scale": 1.0}, {"layer_norm": True}]
+
+
+@pytest.mark.parametrize("other", _OTHERS)
 def test_a_training_by_another_recipe_does_not_go_on(other: dict[str, Any]) -> None:
     earlier = learner()
     earlier.replay.count = 100

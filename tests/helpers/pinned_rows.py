@@ -94,6 +94,7 @@ AGENTS: Mapping[str, tuple[str, ...]] = {
         "net_arch=12+12,copies=4,batch_size=16,learning_rate=0.002,learning_rate_final=0.001,gamma=0.9,buffer_size=256,"
         "gradient_steps=2,n_steps=3,tau=0.1,averaging=0.9,reward_scale=2,policy_delay=3,target_policy_noise=0.3,"
         "target_noise_clip=0.2,exploration_noise=0.4,exploration_noise_final=0.1,random_steps=8,action_penalty=0.1",
+        "net_arch=12+12,copies=4,batch_size=16,layer_norm=true",
     ),
 }
 """Parameters of agents, beside their recipes in the tasks. Each is trained with."""
