@@ -35,8 +35,8 @@ class TD3(training.LockStepAgent):
     action_penalty: training.NotNegative = 0.005
     """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
     layer_norm: bool = False
-    """whether the hidden layers of the critics are normalised (Ba, Kiros, Hinton 2016): values of actions that were never
-    tried stay bounded then (Ball, Smith, Kostrikov, Levine 2023)"""
+    """whether the hidden layers of the critics are normalised (Ba, Kiros, Hinton 2016): values of actions never tried
+    stay bounded then (Ball, Smith, Kostrikov, Levine 2023)"""
     reward_scale: training.Positive = 10.0
 
     compiled_part = "td3"
