@@ -39,6 +39,8 @@ LEARNERS = (
     "td3[gradient_steps=2]",
     "td3[action_penalty=0.02]",
     "td3[action_penalty=0.02,gradient_steps=2]",
+    "td3[layer_norm=true]",
+    "td3[copies=32,gradient_steps=8,layer_norm=true]",
     "td3[copies=32,gradient_steps=8]",
     "td3[net_arch=256+256]",
     "td3[batch_size=512,gradient_steps=2]",
