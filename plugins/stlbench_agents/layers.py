@@ -59,7 +59,7 @@ class PassBuffers(NamedTuple):
         most = _widest(layers)
         size, square = _size_of_hidden(layers, rows), most * most
         hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype), zeros(square, dtype))
-        depth = size[0] if normalised else 0
+        depth = len(layers) - 1 if normalised else 0
         return PassBuffers(*hidden, zeros((depth, size[1]), dtype), zeros((depth, rows), dtype), np.ones(most, dtype))
 
 
@@ -131,10 +131,11 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
         x = into[layer]
 
 
+_EPSILON = 1e-5  # added to a variance, so that a layer whose sums are all equal is not divided by 0
+
+
 @part
-def hidden_normalised(
-    flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats, passes: PassBuffers
-) -> None:  # fmt: skip
+def hidden_normalised(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats, passes: PassBuffers) -> None:
     """As `hidden`, with layer normalisation (Ba, Kiros, Hinton 2016) before the bias is added.
 
     Units have no gain. A ReLU passes a positive factor on to the next weights, so one would add nothing.
@@ -154,16 +155,13 @@ def hidden_normalised(
             for j in range(columns):
                 sums[j] -= mean
             variance = kind(inner_product(sums, START, sums, START, columns)) / kind(columns)
-            scale = kind(1) / np.sqrt(variance + kind(_LEAST))
+            scale = kind(1) / np.sqrt(variance + kind(_EPSILON))
             passes.scales[layer, i] = scale
             for j in range(columns):
                 value = sums[j] * scale
                 sums[j] = value
                 active[j] = max(kind(0), value + shifts[j])
         x = into[layer]
-
-
-_LEAST = 1e-5  # added to the variance: a layer whose sums are all equal is not divided by 0
 
 
 @inlined
