@@ -30,6 +30,9 @@ class TD3(training.LockStepAgent):
     the first copy to one and three quarters in the last"""
     exploration_noise_final: training.NotNegative | None = None
     """what that falls to, linearly over the budget; it stays where left out"""
+    lasting_noise: training.ShareBelow1 = 0.0
+    """correlation of this noise with that of the decision before, in every second copy: noise that lasts moves a robot
+    further (Eberhard, Hollenstein, Pinneri, Martius 2023)"""
     random_steps: training.Whole = 100
     """steps of all copies with random actions at the start, without updates"""
     action_penalty: training.NotNegative = 0.005

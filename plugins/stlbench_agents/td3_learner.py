@@ -244,6 +244,9 @@ class TD3Learner:
         first, last = recipe.exploration_noise, recipe.exploration_noise_final
         self._noise = np.linspace(first, first if last is None else last, rounds)
         self._shares = np.linspace(0.25, 1.75, copies)[:, None]  # several copies have the recipe's noise on average
+        # The first, third, ... copies keep fresh noise: noise that lasts explores further, but brakes a gait.
+        self._lasting = np.where(np.arange(copies) % 2, recipe.lasting_noise, 0.0)[:, None]
+        self._normal = np.zeros((copies, axes))
         self._done = self._count = 0
         self._random_steps, self._waiting, self._updates = recipe.random_steps, recipe.random_steps, updates
         self._batch = Batch.of(recipe.batch_size, inputs, axes)
@@ -317,8 +320,9 @@ class TD3Learner:
         if self._done < self._random_steps:
             self._action = self._generator.uniform(-1, 1, shape)
         else:
-            noise = self._noise[self._done] * self._shares * self._generator.standard_normal(shape)
-            self._action = self.explored(observation, noise)
+            fresh = self._generator.standard_normal(shape)
+            self._normal = self._lasting * self._normal + np.sqrt(1 - self._lasting**2) * fresh
+            self._action = self.explored(observation, self._noise[self._done] * self._shares * self._normal)
         self._done += 1
         return self._low + (self._action + 1) / 2 * self._span
 

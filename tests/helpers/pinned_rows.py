@@ -95,6 +95,7 @@ AGENTS: Mapping[str, tuple[str, ...]] = {
         "gradient_steps=2,n_steps=3,tau=0.1,averaging=0.9,reward_scale=2,policy_delay=3,target_policy_noise=0.3,"
         "target_noise_clip=0.2,exploration_noise=0.4,exploration_noise_final=0.1,random_steps=8,action_penalty=0.1",
         "net_arch=12+12,copies=4,batch_size=16,layer_norm=true",
+        "net_arch=12+12,copies=4,batch_size=16,lasting_noise=0.9",
     ),
 }
 """Parameters of agents, beside their recipes in the tasks. Each is trained with."""
