@@ -41,7 +41,7 @@ class Verified(NamedTuple):
     damages: tuple[Damage, ...]
     marked: int  # how many cells the next run measures
     strays: tuple[str, ...] = ()
-    """Files of traces and policies in the folder without a row and a plan: rows may be lost."""
+    """Files of traces, policies and trainings in the folder without a row and a plan: rows may be lost."""
     lines: str = ""
     """What is wrong with `cells.jsonl`, which takes the place of a ledger that is lost; empty if nothing is."""
 
@@ -115,7 +115,7 @@ def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
     """A name ends in the beginning of a key. The plan has the key of a cell that was interrupted."""
     known = {result_files.end_of_name(key) for key in keys}
     lengths = {len(end) for end in known}
-    for kind in (result_files.TRACES, result_files.POLICIES):
+    for kind in (result_files.TRACES, result_files.POLICIES, result_files.TRAININGS):
         for name in result_files.names(folder / kind, folder, ".npz"):
             if not any(name[-length:] in known for length in lengths):
                 yield f"{kind}/{one_line(name)}"

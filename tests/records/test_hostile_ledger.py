@@ -120,6 +120,8 @@ def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -
     found = verify(ledger.parent)
     assert found.strays == ("traces/hold-disc_funnel_dqn_0_000000000000.npz",)
     assert not found.is_whole
+    array_files.write_arrays(cell_files(ledger.parent, result().id, "1" * 32).training, {"a": np.zeros(1)})
+    assert verify(ledger.parent).strays == (*found.strays, "trainings/hold-disc_funnel_dqn_0_111111111111.npz")
 
 
 def endless(path: Path, name: str, levels: int = 12, width: int = 60) -> None:
