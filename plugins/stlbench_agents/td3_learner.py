@@ -244,7 +244,7 @@ class TD3Learner:
         first, last = recipe.exploration_noise, recipe.exploration_noise_final
         self._noise = np.linspace(first, first if last is None else last, rounds)
         self._shares = np.linspace(0.25, 1.75, copies)[:, None]  # several copies have the recipe's noise on average
-        # The first, third, ... copies keep fresh noise: noise that lasts explores further, but brakes a gait.
+        # Noise that lasts explores further, and fresh noise stays near the policy: half of the copies have each.
         self._lasting = np.where(np.arange(copies) % 2, recipe.lasting_noise, 0.0)[:, None]
         self._normal = np.zeros((copies, axes))
         self._done = self._count = 0
