@@ -28,7 +28,7 @@ def robots() -> str:
         ("robots-ant", "paper", ", `paper`"),
         ("robots-ant-penalty", "paper", ", `paper`, penalty"),
         ("robots-ant-times", "paper", ", `paper`, penalty, 32 copies"),
-        ("robots-ant-lasting", "paper", ", `paper`, layer norm, lasting noise"),
+        ("robots-ant-lasting", "paper", ", `paper`, 32 copies, layer norm, lasting noise"),
     )
     methods = ("funnel", "raw")
     found = {

@@ -246,6 +246,7 @@ class TD3Learner:
         self._shares = np.linspace(0.25, 1.75, copies)[:, None]  # several copies have the recipe's noise on average
         # Noise that lasts explores further, and fresh noise stays near the policy: half of the copies have each.
         self._lasting = np.where(np.arange(copies) % 2, recipe.lasting_noise, 0.0)[:, None]
+        self._fresh = np.sqrt(1 - self._lasting**2)  # so the variance stays
         self._normal = np.zeros((copies, axes))
         self._done = self._count = 0
         self._random_steps, self._waiting, self._updates = recipe.random_steps, recipe.random_steps, updates
@@ -320,8 +321,7 @@ class TD3Learner:
         if self._done < self._random_steps:
             self._action = self._generator.uniform(-1, 1, shape)
         else:
-            fresh = self._generator.standard_normal(shape)
-            self._normal = self._lasting * self._normal + np.sqrt(1 - self._lasting**2) * fresh
+            self._normal = self._lasting * self._normal + self._fresh * self._generator.standard_normal(shape)
             self._action = self.explored(observation, self._noise[self._done] * self._shares * self._normal)
         self._done += 1
         return self._low + (self._action + 1) / 2 * self._span

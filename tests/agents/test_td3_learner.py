@@ -29,9 +29,9 @@ def learner(**parameters: Any) -> TD3Learner:
     return made
 
 
-def new(**parameters: Any) -> TD3Learner:
-    """One for two copies and 100 updates, with an empty replay."""
-    return TD3Learner(TD3(**{"net_arch": (8, 8), "random_steps": 0, **parameters}), INPUTS, BOX, 2, 0, 100)
+def new(rounds: int = 100, **parameters: Any) -> TD3Learner:
+    """One for two copies and so many decisions of each, with an empty replay."""
+    return TD3Learner(TD3(**{"net_arch": (8, 8), "random_steps": 0, **parameters}), INPUTS, BOX, 2, 0, rounds)
 
 
 def drawn(updates: int) -> tuple[Integers, Floats]:
@@ -180,11 +180,9 @@ def test_noise_that_lasts_is_in_every_second_copy_and_of_the_same_size() -> None
     observation = np.zeros((2, INPUTS))
 
     def noise(**parameters: Any) -> Floats:
-        made = TD3Learner(
-            TD3(net_arch=(4,), random_steps=0, exploration_noise=0.01, **parameters), INPUTS, BOX, 2, 0, 1000
-        )
-        middle = made.explored(observation, np.zeros((2, 2)))
-        return np.array([(made.act(observation), made._action - middle)[1] for _ in range(1000)])[..., 0]
+        made = new(rounds=1000, exploration_noise=0.01, **parameters)
+        first = np.array([made.act(observation)[:, 0] for _ in range(1000)])  # its axis spans [-1, 1]
+        return first - made.explored(observation, np.zeros((2, 2)))[:, 0]
 
     fresh, lasting = noise(), noise(lasting_noise=0.9)
     np.testing.assert_array_equal(lasting[:, 0], fresh[:, 0])
