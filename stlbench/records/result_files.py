@@ -145,7 +145,7 @@ def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:
 def discard_arrays(folder: Path, cell: CellId, key: str) -> None:
     """Remove what a cell saved that has no result. A link is left alone."""
     files = cell_files(folder, cell, key)
-    for file in (files.traces, files.policies):
+    for file in (files.traces, files.policies, files.training):
         if is_there(file, folder):
             file.unlink()
 

@@ -74,7 +74,7 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
 
 
 @pytest.mark.parametrize(("recipe", "expected"), [({"reward_scale": 2.0}, [-0.6, 0.4]), ({"gamma": 1}, [-50, 50])])
-def test_targets_lie_among_the_rewards_that_were_seen(recipe: dict[str, float], expected: list[float]) -> None:
+def test_targets_lie_among_the_rewards_that_were_seen(recipe: dict[str, Any], expected: list[float]) -> None:
     """With gamma = 1 they are sums of rewards, and know no bounds."""
     made = new(**recipe)
     made.replay.widen(np.array([0.1, 0.2]))

@@ -42,16 +42,19 @@ def test_an_edit_before_the_cell_is_a_failure_that_names_the_file_and_nothing_ru
 
 def test_an_edit_while_it_runs_takes_the_result_and_its_traces_away(plugin, tmp_path):
     file, cell = plugin
-    traces = cell_files(tmp_path, cell.id, cell.key).traces
+    files = cell_files(tmp_path, cell.id, cell.key)
+    traces, training = files.traces, files.training
 
     def edits(cell, folder):
-        traces.parent.mkdir()
-        traces.write_text("of some code")
+        for path in (traces, training):
+            path.parent.mkdir()
+            path.write_text("of some code")
         file.write_text("x = 2\n")
         return scripted_cells.run_cell(cell)
 
     assert run_checked(cell, edits, tmp_path).status == "raised"
     assert not traces.exists()
+    assert not training.exists()
 
 
 def test_what_a_cell_raises_is_raised_unless_its_code_was_edited(plugin, tmp_path):
